@@ -1,0 +1,7 @@
+"""Set-up common to all tests: JAX in float64 with strict promotion, off-screen pictures."""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")
