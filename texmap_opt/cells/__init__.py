@@ -1,0 +1,1 @@
+"""Unit cells: what is repeated to make a lattice, and the library they come from."""

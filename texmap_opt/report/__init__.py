@@ -1,0 +1,1 @@
+"""Pictures, plots and the page that report a run."""

@@ -1,0 +1,1 @@
+"""Radii of struts by optimisation: least compliance at a given volume."""

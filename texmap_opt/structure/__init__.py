@@ -1,0 +1,1 @@
+"""Structures: joints and struts, from the tiled cell to the net trimmed to a part."""

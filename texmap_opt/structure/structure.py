@@ -3,7 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse.csgraph
 from jaxtyping import Bool, Float, Int
+
+from texmap_opt.errors import StructureError
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,67 @@ class Structure:
         start, end = self.joints[self.struts[:, 0]], self.joints[self.struts[:, 1]]
         return np.linalg.norm(end - start, axis=1)
 
+    def degrees(self) -> Int[np.ndarray, " joints"]:
+        """How many struts meet at each joint."""
+        return np.bincount(self.struts.reshape(-1), minlength=len(self.joints))
+
+    def components(self) -> Int[np.ndarray, " joints"]:
+        """Label 0, 1, 2... of the connected piece of each joint; a bare joint is a piece."""
+        n = len(self.joints)
+        a, b = self.struts.T
+        graph = scipy.sparse.coo_array((np.ones(len(a)), (a, b)), shape=(n, n))
+        return scipy.sparse.csgraph.connected_components(graph, directed=False)[1].astype(np.int64)
+
     def with_radii(self, radii: Float[np.ndarray, "struts 2"]) -> "Structure":
         """The same joints and struts with other radii [mm]."""
         return replace(self, radii=radii)
+
+    def select(self, struts: Bool[np.ndarray, " struts"]) -> "Structure":
+        """The marked struts and the joints they need, in the same order."""
+        used = np.zeros(len(self.joints), bool)
+        used[self.struts[struts]] = True
+        number = np.cumsum(used) - 1
+        return replace(
+            self,
+            joints=self.joints[used],
+            struts=number[self.struts[struts]],
+            radii=self.radii[struts],
+            cut=self.cut[used],
+            cell_size=self.cell_size[struts],
+        )
+
+    def validate(self) -> None:
+        """Check what every later stage relies on.
+
+        Raises:
+            StructureError: naming the first joint or strut that breaks an invariant.
+        """
+        _refuse(
+            ~np.isfinite(self.joints).all(axis=1),
+            "joint {} has a coordinate that is not a finite number.",
+        )
+        _refuse(
+            ((self.struts < 0) | (self.struts >= len(self.joints))).any(axis=1),
+            f"strut {{}} ends at a joint that does not exist; there are {len(self.joints)} joints.",
+        )
+        _refuse(self.lengths() == 0, "strut {} has no length; remove it or move its joint.")
+        _refuse(
+            ~(np.isfinite(self.radii) & (self.radii > 0)).all(axis=1),
+            "strut {} has a radius that is not a positive number.",
+        )
+        _refuse(
+            ~(np.isfinite(self.cell_size) & (self.cell_size > 0)),
+            "strut {} has a cell size that is not a positive number.",
+        )
+        a, b = np.sort(self.struts, axis=1).T
+        key = a * len(self.joints) + b
+        first = np.unique(key, return_index=True)[1]
+        again = np.ones(len(key), bool)
+        again[first] = False
+        _refuse(again, "strut {} repeats an earlier strut; remove one of them.")
+
+
+def _refuse(wrong: Bool[np.ndarray, " samples"] | np.bool, message: str) -> None:
+    wrong = np.atleast_1d(wrong)
+    if wrong.any():
+        raise StructureError("structure: " + message.format(int(np.argmax(wrong))))

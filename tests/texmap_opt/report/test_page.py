@@ -1,0 +1,215 @@
+"""report.html: self-contained, and whole whatever is missing."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texmap_opt.report.page import write_page
+from texmap_opt.report.plots import PlotData
+
+REPORT = {
+    "version": "0.1.0",
+    "model": "frame",
+    "case_file": "case.toml",
+    "seconds": {"part": 0.2, "tets": 5.0, "warp": 3.1, "total": 8.3},
+    "peak_memory_mb": 812.4,
+    "part": {
+        "name": "bracket <1>.stl",
+        "triangles": 5050,
+        "volume_mm3": 64000.0,
+        "watertight": True,
+    },
+    "tet_mesh": {"nodes": 60321, "tets": 38211, "element": "tet10"},
+    "stress": {
+        "max_displacement_mm": 0.0834,
+        "compliance_Nmm": 41.7,
+        "max_von_mises_MPa": 235.2,
+        "reaction_N": [[0.0, 1.2e-12, 500.0]],
+        "residual": 3.1e-11,
+    },
+    "warp": {
+        "method": "least-squares",
+        "nodes": 1463,
+        "min_jacobian": 0.41,
+        "folded_cells": 0,
+        "max_aspect": 2.31,
+        "mean_angle_deg": 21.3,
+        "iterations": 41,
+        "converged": True,
+        "message": "",
+    },
+    "structure": {"cell": "octet", "cells": [16, 8, 4], "joints": 2525, "struts": 13184},
+    "sizing": {
+        "method": "optimality-criteria",
+        "compliance_before_Nmm": 612.0,
+        "compliance_after_Nmm": 306.0,
+        "max_utilisation": 0.83,
+        "history": {"compliance": [612.0, 400.0, 306.0], "volume": [9600.0, 9600.0, 9600.0]},
+    },
+    "lattice": {"triangles": 931210, "watertight": True, "volume_mm3": 9588.2, "genus": 8212},
+    "result": {
+        "triangles": 1021332,
+        "watertight": True,
+        "volume_mm3": 14311.2,
+        "mass_g": 38.21,
+        "relative_density": 0.2236,
+        "connected_components": 1,
+        "closed_voids": 1,
+    },
+    "warnings": ["3.2 < 4 cells across"],
+    "notes": ["no skin in the frame"],
+}
+
+RNG_SEED = 4
+
+
+def plot_data() -> PlotData:
+    rng = np.random.default_rng(RNG_SEED)
+    size = rng.uniform(3, 6, 200)
+    return PlotData(
+        radii=rng.uniform(0.3, 0.8, 500),
+        utilisation=rng.uniform(0, 0.83, 500),
+        lengths=rng.uniform(2, 4, 500),
+        wanted_mm=size,
+        achieved_mm=size * rng.uniform(0.9, 1.1, 200),
+    )
+
+
+@pytest.fixture
+def picture(tmp_path) -> Path:
+    from PIL import Image
+
+    png = tmp_path / "picture.png"
+    Image.new("RGB", (40, 30), "teal").save(png)
+    return png
+
+
+def written(tmp_path, report, *, pictures=None, missing=None, plots=None) -> str:
+    path = tmp_path / "report.html"
+    write_page(
+        report, path, pictures=pictures or {}, missing=missing or {}, plot_data=plots or PlotData()
+    )
+    assert not (tmp_path / "report.html.part").exists()
+    return path.read_text(encoding="utf-8")
+
+
+class Loaded(HTMLParser):
+    """Collects what a browser would fetch, and tags left open."""
+
+    def __init__(self):
+        super().__init__()
+        self.fetched, self.open, self.ids = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.fetched += [values[k] for k in ("src", "srcset", "data", "poster") if k in values]
+        if tag in ("link", "script", "iframe", "object", "image", "use"):
+            self.fetched.append(values.get("href") or values.get("xlink:href") or tag)
+        self.ids += [values["id"]] if "id" in values else []
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if self.open and self.open[-1] == tag:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def parsed(html: str) -> Loaded:
+    page = Loaded()
+    page.feed(html)
+    assert page.open == []
+    return page
+
+
+def test_the_page_fetches_nothing_and_runs_nothing(tmp_path, picture):
+    names = ("load", "grid", "radius", "utilisation", "cut", "whole", "look", "other")
+    html = written(tmp_path, REPORT, pictures=dict.fromkeys(names, picture), plots=plot_data())
+    page = parsed(html)
+    assert page.fetched
+    assert all(s.startswith(("data:image/", "#")) for s in page.fetched)
+    assert sum(s.startswith("data:image/jpeg;base64,") for s in page.fetched) == len(names)
+    assert "<script" not in html
+    assert not re.search(r"https?://|@import|url\((?!#)", html)
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_the_headline_says_mass_compliance_and_that_it_prints(tmp_path):
+    html = written(tmp_path, REPORT)
+    headline = html[html.index('class="headline"') : html.index("<section")]
+    assert "38.21" in headline
+    assert "306" in headline
+    assert "612 before sizing: \N{MINUS SIGN}50.0&nbsp;%" in headline
+    assert "one watertight body" in headline
+
+
+def test_a_result_in_pieces_is_not_called_printable(tmp_path):
+    broken = REPORT["result"] | {"connected_components": 3, "watertight": False}
+    html = written(tmp_path, REPORT | {"result": broken})
+    assert "not watertight; 3 separate bodies" in html
+
+
+def test_numbers_have_units_and_sensible_digits(tmp_path):
+    html = written(tmp_path, REPORT)
+    for text in ("64\u202f000 mm³", "0.0834 mm", "235.2 MPa", "0, 0, 500 N", "16 × 8 × 4"):
+        assert text in html
+    assert "3.1 × 10<sup>-11</sup>" in html
+
+
+@pytest.mark.parametrize("absent", list(REPORT))
+def test_a_missing_section_is_left_out_and_the_rest_stays(tmp_path, absent):
+    html = written(tmp_path, {k: v for k, v in REPORT.items() if k != absent}, plots=plot_data())
+    parsed(html)
+    assert ("octet" in html) == (absent != "structure")
+
+
+def test_an_empty_report_is_still_a_page(tmp_path):
+    parsed(written(tmp_path, {}))
+
+
+def test_sizing_values_of_none_are_dashes_and_no_headline(tmp_path):
+    none = dict.fromkeys(REPORT["sizing"], None) | {"method": "none"}
+    html = written(tmp_path, REPORT | {"sizing": none})
+    parsed(html)
+    assert "<th>compliance after</th><td>–</td>" in html
+    assert "before sizing" not in html
+
+
+def test_a_missing_picture_says_why(tmp_path, picture):
+    html = written(
+        tmp_path, REPORT, pictures={"cut": picture}, missing={"whole": "no OpenGL <here>"}
+    )
+    assert "Not drawn: no OpenGL &lt;here&gt;." in html
+    assert html.count("data:image/jpeg") == 1
+
+
+def test_names_from_outside_cannot_become_markup(tmp_path):
+    html = written(tmp_path, REPORT | {"warnings": ["<b>bold</b>"]})
+    assert "bracket &lt;1&gt;.stl" in html
+    assert "<b>" not in html
+
+
+def test_all_numbers_are_in_the_page(tmp_path):
+    html = written(tmp_path, REPORT)
+    from html import unescape
+
+    raw = unescape(re.search(r"<pre>(.*)</pre>", html, re.DOTALL).group(1))
+    assert json.loads(raw) == REPORT
+
+
+@pytest.mark.parametrize("radii", [np.full(5, 0.5), np.array([0.5]), np.zeros(3)])
+def test_equal_radii_still_have_a_histogram(tmp_path, radii):
+    parsed(written(tmp_path, REPORT, plots=PlotData(radii=radii, utilisation=0 * radii)))
+
+
+def test_the_same_numbers_give_the_same_page(tmp_path):
+    assert written(tmp_path, REPORT, plots=plot_data()) == written(
+        tmp_path, REPORT, plots=plot_data()
+    )

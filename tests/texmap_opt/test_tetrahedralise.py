@@ -1,0 +1,231 @@
+"""Tet meshes of parts: all of the part, positive, on its surface; and how failure looks."""
+
+import signal
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fea import TetMesh
+from texmap_opt import tetrahedralise as module
+from texmap_opt.builtin_part import builtin_part
+from texmap_opt.errors import TetrahedralisationError
+from texmap_opt.part import Part
+from texmap_opt.signed_distance import SignedDistance
+from texmap_opt.solid.tri_mesh import TriMesh
+from texmap_opt.tet_surface import compacted, fitted_to_surface
+from texmap_opt.tetrahedralise import default_edge_mm, estimated_counts, tetrahedralise
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return Part(builtin_part("cantilever", {"length_mm": 40.0}), "bar")
+
+
+@pytest.fixture(scope="module")
+def mesh(bar):
+    return tetrahedralise(bar, edge_mm=8.0, element="tet4")
+
+
+def test_the_mesh_is_all_of_the_part(bar, mesh):
+    assert (mesh.volumes > 0).all()
+    # The box's corners and edges are found; a node that a thin tet holds back may miss by little.
+    assert mesh.volume == pytest.approx(bar.volume, rel=1e-5)
+
+
+def test_boundary_nodes_lie_on_the_surface(bar, mesh):
+    boundary = np.unique(mesh.boundary_facets)
+    distance, _, _ = bar.signed_distance.unsigned(mesh.nodes[boundary])
+    assert np.quantile(distance, 0.95) < 1e-9 and distance.max() < 1e-3 * bar.diagonal
+    # So the clamped end is the whole face.
+    end = np.isclose(mesh.facet_centroids[:, 0], 0, atol=1e-3)
+    assert mesh.facet_areas[end].sum() == pytest.approx(400, rel=1e-4)
+
+
+def test_tet10_has_the_same_volume_and_middle_nodes(bar):
+    quadratic = tetrahedralise(bar, edge_mm=10.0, element="tet10")
+    assert quadratic.element == "tet10"
+    assert quadratic.volume == pytest.approx(bar.volume, rel=1e-5)
+
+
+def test_a_curved_part_keeps_its_volume_within_the_envelope():
+    part = Part(builtin_part("torsion-bar", {"length_mm": 30.0}), "torsion-bar")
+    meshed = tetrahedralise(part, edge_mm=6.0, element="tet4")
+    assert meshed.volume == pytest.approx(part.volume, rel=0.02)
+    boundary = np.unique(meshed.boundary_facets)
+    distance, _, _ = part.signed_distance.unsigned(meshed.nodes[boundary])
+    # Some nodes may be held back where a tet would go flat: by the envelope at most.
+    assert distance.max() <= 1e-3 * part.diagonal
+    assert np.quantile(distance, 0.95) < 1e-9
+
+
+def test_nothing_is_left_in_the_working_directory(bar, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tetrahedralise(bar, edge_mm=12.0, element="tet4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_child_is_quiet(bar, capfd):
+    tetrahedralise(bar, edge_mm=12.0, element="tet4")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_mesher_that_fails_is_one_sentence(bar, monkeypatch):
+    monkeypatch.setattr(module.sys, "executable", "/bin/false")
+    with pytest.raises(TetrahedralisationError, match=r"bar: the tet mesher failed .*edge_mm"):
+        tetrahedralise(bar, edge_mm=10.0, element="tet4")
+
+
+def test_a_mesher_that_is_killed_is_one_sentence(bar, monkeypatch, tmp_path):
+    killed = tmp_path / "killed"
+    killed.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    killed.chmod(0o755)
+    monkeypatch.setattr(module.sys, "executable", str(killed))
+    with pytest.raises(TetrahedralisationError, match="SIGSEGV"):
+        tetrahedralise(bar, edge_mm=10.0, element="tet4")
+
+
+def test_a_mesher_that_hangs_is_ended(bar, monkeypatch, tmp_path):
+    hanging = tmp_path / "hanging"
+    hanging.write_text("#!/bin/sh\nexec sleep 100\n")
+    hanging.chmod(0o755)
+    monkeypatch.setattr(module.sys, "executable", str(hanging))
+    monkeypatch.setattr(module, "MAX_SECONDS", 0.2)
+    with pytest.raises(TetrahedralisationError, match=r"did not end within 0\.2 s"):
+        tetrahedralise(bar, edge_mm=10.0, element="tet4")
+
+
+def test_ctrl_c_ends_the_child_at_once(bar, monkeypatch):
+    children = []
+    start = subprocess.Popen
+
+    def recorded(*args, **options):
+        children.append(start(*args, **options))
+        return children[-1]
+
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module.subprocess, "Popen", recorded)
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 1.5)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            tetrahedralise(bar, edge_mm=0.8, element="tet4")
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert children[0].returncode == -signal.SIGKILL
+
+
+@pytest.mark.parametrize(
+    ("edge", "element", "words"),
+    [
+        (0.0, "tet4", "above 0"),
+        (float("nan"), "tet4", "above 0"),
+        (5.0, "tet8", 'must be "tet4" or "tet10"'),
+        (0.1, "tet4", "larger edge"),
+    ],
+)
+def test_impossible_wishes_are_refused_before_meshing(bar, edge, element, words):
+    with pytest.raises(TetrahedralisationError, match=words):
+        tetrahedralise(bar, edge_mm=edge, element=element)
+
+
+def test_a_mesh_of_another_volume_is_refused(bar, mesh, monkeypatch):
+    """Negative control: half the tets are lost on the way."""
+    half = mesh.tets[mesh.nodes[mesh.tets].mean(axis=1)[:, 0] < 20]
+    monkeypatch.setattr(module, "_meshed", lambda *_: (mesh.nodes, half))
+    with pytest.raises(TetrahedralisationError, match="of the part's volume"):
+        tetrahedralise(bar, edge_mm=8.0, element="tet4")
+
+
+def test_an_inverted_tet_is_refused(bar, mesh, monkeypatch):
+    turned = mesh.tets.copy()
+    turned[0] = turned[0, [1, 0, 2, 3]]
+    monkeypatch.setattr(module, "_meshed", lambda *_: (mesh.nodes, turned))
+    with pytest.raises(TetrahedralisationError, match=r"1 of .* tets are flat or inverted"):
+        tetrahedralise(bar, edge_mm=8.0, element="tet4")
+
+
+def test_the_largest_piece_stays_and_loose_nodes_go():
+    large, small = TetMesh.box((2.0, 2.0, 2.0), (2, 2, 2)), TetMesh.box((1.0, 1.0, 1.0), (3, 3, 3))
+    nodes = np.concatenate([large.nodes, small.nodes + 9.0, [[5.0, 5.0, 5.0]]])
+    tets = np.concatenate([large.tets, small.tets + len(large.nodes)])
+    kept, cells = compacted(nodes, tets)
+    assert len(cells) == len(large.tets) and len(kept) == len(large.nodes)
+    assert TetMesh(kept, cells).volume == pytest.approx(8)
+
+
+def test_a_rough_boundary_becomes_flat_and_sharp_and_no_tet_inverts():
+    smooth = TetMesh.box((4.0, 3.0, 2.0), (8, 6, 4))
+    surface = builtin_part("cantilever", {"length_mm": 4.0, "width_mm": 3.0, "height_mm": 2.0})
+    noise = np.random.default_rng(0).uniform(-0.02, 0.02, smooth.nodes.shape)
+    nodes = fitted_to_surface(
+        smooth.nodes + noise, smooth.tets, surface, query=SignedDistance(surface), reach=0.05
+    )
+    fitted = TetMesh(nodes, smooth.tets)
+    assert (fitted.volumes > 0).all()
+    assert fitted.volume == pytest.approx(24, rel=1e-9)
+
+
+def test_a_way_that_would_flatten_a_tet_is_cut_short():
+    """One tet whose apex is close to where its base must go."""
+    surface = builtin_part("cantilever", {"length_mm": 9.0, "width_mm": 9.0, "height_mm": 9.0})
+    nodes = np.array([[3.0, 3, -0.5], [5.0, 3, -0.5], [3.0, 5, -0.5], [3.5, 3.5, -0.05]])
+    tets = np.array([[0, 1, 2, 3]])
+    moved = fitted_to_surface(nodes, tets, surface, query=SignedDistance(surface), reach=1.0)
+    assert TetMesh(moved, tets).volumes[0] > 0
+    assert (moved[:3, 2] > -0.5).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "edge", "tets"),
+    [
+        ("cantilever", 5.0, 2508),
+        ("bracket", 4.0, 17385),
+        ("torsion-bar", 5.0, 5868),
+        ("l-bracket", 4.0, 10751),
+    ],
+)
+def test_counts_are_foreseen_within_a_factor_of_two(name, edge, tets):
+    """Against meshes of fTetWild made once."""
+    part = Part(builtin_part(name, {}), name)
+    estimate = estimated_counts(part, edge_mm=edge, element="tet4")
+    assert tets / 2 < estimate.tets < tets * 2
+    assert estimated_counts(part, edge_mm=edge, element="tet10").nodes > 4 * estimate.nodes
+
+
+def test_the_default_edge_is_a_share_of_the_diagonal(bar):
+    assert default_edge_mm(bar) == pytest.approx(bar.diagonal / 25)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "unit", "solid"),
+    [
+        ("72214.stl", "mm", None),
+        ("beethoven.ply", "cm", None),
+        ("fandisk.obj", "cm", None),
+        ("spot.obj", "m", None),
+        ("112932.stl", "mm", 1),
+        ("112932.stl", "mm", 2),
+    ],
+)
+def test_real_parts_are_meshed(name, unit, solid):
+    from texmap_opt.part import read_surface
+
+    folder = Path(__file__).parents[2] / "../shared/parts"
+    if not folder.is_dir():
+        pytest.skip("the shared test parts are not here")
+    part = read_surface(folder / name, unit=unit, solid=solid)
+    edge = float(np.ptp(part.bounds, axis=0).max()) / 20
+    meshed = tetrahedralise(part, edge_mm=edge, element="tet4")
+    assert (meshed.volumes > 0).all()
+    # A coarse tet mesh cuts curved walls short; flat ones not at all.
+    assert meshed.volume == pytest.approx(part.volume, rel=5e-3)
+    boundary = np.unique(meshed.boundary_facets)
+    distance, _, _ = part.signed_distance.unsigned(meshed.nodes[boundary])
+    assert np.quantile(distance, 0.99) < 1e-9 * part.diagonal
+    assert isinstance(part.surface, TriMesh)

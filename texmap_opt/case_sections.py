@@ -1,0 +1,230 @@
+"""The sections of a case file: every key with its kind, default and meaning."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import fea
+from fea import FeaError, Material
+from texmap_opt.case_table import choice, choices, key, number, table, text, vector, whole, yes_no
+from texmap_opt.errors import CaseError
+
+# tonne/mm³ in one g/cm³.
+TONNE_PER_MM3 = 1e-9
+
+
+@dataclass(frozen=True)
+class PartSection:
+    """`[part]`: the surface to fill."""
+
+    file: str | None = key(text(), "STL, OBJ, PLY or 3MF file, relative to the case file", default=None)
+    builtin: str | None = key(
+        text(), "a built-in parametric part instead of a file, with its dimensions", default=None
+    )
+    unit: str = key(choice("mm", "cm", "m", "in"), "unit of the file's coordinates", default="mm")
+    solid: int | None = key(
+        whole(least=1), "which solid to take when the file holds several (1: the largest)", default=None
+    )
+    dimensions: dict[str, float] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MaterialSection:
+    """`[material]`: a named material, or its constants, or a named one with constants replaced."""
+
+    name: str | None = key(text(), "a material of the table in `fea.materials`", default=None)
+    E_MPa: float | None = key(number(above=0.0), "Young's modulus", default=None)
+    nu: float | None = key(number(above=-1.0, most=0.499), "Poisson's ratio", default=None)
+    density_g_cm3: float | None = key(number(above=0.0), "density of the solid", default=None)
+    yield_MPa: float | None = key(number(above=0.0), "yield stress", default=None)
+
+    def material(self, where: str) -> Material:
+        """The material meant.
+
+        Raises:
+            CaseError: for an unknown name or missing constants.
+        """
+        named = None
+        if self.name is not None and self.E_MPa is None:
+            try:
+                named = fea.material(self.name)
+            except FeaError as failure:
+                raise CaseError(f"{where} name: {failure}") from failure
+        missing = [k for k in ("E_MPa", "nu", "density_g_cm3") if getattr(self, k) is None]
+        if named is None and missing:
+            raise CaseError(
+                f"{where} {missing[0]} is missing: give a material's name, or E_MPa, nu and "
+                "density_g_cm3."
+            )
+        density = None if self.density_g_cm3 is None else self.density_g_cm3 * TONNE_PER_MM3
+        given = {"E": self.E_MPa, "nu": self.nu, "density": density, "yield_stress": self.yield_MPa}
+        given = {k: v for k, v in given.items() if v is not None}
+        if named is not None:
+            return dataclasses.replace(named, **given)
+        return Material(name=self.name or "custom", **{"yield_stress": None, **given})  # pyright: ignore[reportArgumentType]
+
+
+@dataclass(frozen=True)
+class AnalysisSection:
+    """`[analysis]`: the tet mesh and its elements."""
+
+    element: str = key(choice("tet4", "tet10"), "element of the stress analysis", default="tet10")
+    edge_mm: float | None = key(
+        number(above=0.0), "target edge of the tets (absent: a 25th of the diagonal)", default=None
+    )
+    mesh: str | None = key(
+        text(),
+        "take the tets of an earlier run's `stress.vtu` instead of meshing anew; the mesher is not "
+        "repeatable, everything after it is",
+        default=None,
+    )
+
+
+@dataclass(frozen=True)
+class SupportSection:
+    """`[[support]]`: where the part is held."""
+
+    region: dict = key(table(), "where: see Regions")
+    fix: tuple[str, ...] = key(choices("x", "y", "z"), "directions held", default=("x", "y", "z"))
+    value_mm: tuple[float, float, float] | None = key(
+        vector(number()), "prescribed displacement of the held directions", default=None
+    )
+
+
+@dataclass(frozen=True)
+class LoadSection:
+    """`[[load]]`: one action; loads with the same `case` act together."""
+
+    case: str = key(text(), "name of the load case", default="load")
+    region: dict | None = key(table(), "where: see Regions; not for gravity", default=None)
+    force_N: tuple[float, float, float] | None = key(
+        vector(number()), "resultant, spread evenly over the region", default=None
+    )
+    pressure_MPa: float | None = key(number(), "pressure, positive into the part", default=None)
+    traction_MPa: tuple[float, float, float] | None = key(
+        vector(number()), "force per area", default=None
+    )
+    moment_Nmm: tuple[float, float, float] | None = key(
+        vector(number()), "moment about the region's centroid", default=None
+    )
+    gravity_m_s2: tuple[float, float, float] | None = key(
+        vector(number()), "acceleration of the whole part, such as [0, 0, -9.81]", default=None
+    )
+
+
+SURFACE_ACTIONS = ("force_N", "pressure_MPa", "traction_MPa", "moment_Nmm")
+
+
+@dataclass(frozen=True)
+class LatticeSection:
+    """`[lattice]`: unit cell, cell count, kind and radius."""
+
+    cell: str = key(text(), "a name of `texmap cells`, or a path to a unit-cell XML", default="octet")
+    cells: tuple[int, int, int] | None = key(
+        vector(whole(least=1)), "cells over the part's bounding box", default=None
+    )
+    cell_mm: float | None = key(number(above=0.0), "cell edge, instead of `cells`", default=None)
+    kind: str = key(
+        choice("rod", "plate"), "rod: skin + (S and M); plate: the lattice is the void", default="rod"
+    )
+    skin_mm: float = key(number(least=0.0), "thickness of the skin; 0: none", default=1.0)
+    radius_mm: float | None = key(number(above=0.0), "strut radius before sizing", default=None)
+    relative_density: float | None = key(
+        number(above=0.0, most=0.9),
+        "instead of radius_mm: volume of (S and M), measured on the mesh, over the part's",
+        default=None,
+    )
+    radius_mode: str = key(
+        choice("constant", "scaled"),
+        "scaled: the radius follows the size of the warped cell",
+        default="constant",
+    )
+    section: str = key(choice("round", "square"), "section of the struts", default="round")
+    fillet_mm: float = key(
+        number(least=0.0),
+        "fillet radius at joints",
+        default=0.0,
+        later="fillets are not offered yet; leave it out or give 0.",
+    )
+
+
+@dataclass(frozen=True)
+class WarpSection:
+    """`[warp]`: how the grid of cells follows the stress."""
+
+    method: str = key(
+        choice("uniform", "best-uniform", "successive-approximation", "least-squares", "optimised"),
+        "how the grid is warped",
+        default="least-squares",
+    )
+    driver: tuple[str, ...] = key(
+        choices("von-mises", "strain-energy", "principal", "file", "paint"),
+        "what the warping function is made from",
+        default=("von-mises",),
+        later='only ["von-mises"] is offered yet.',
+    )
+    exponent: float = key(number(above=0.0, most=4.0), "wanted size ~ f^-exponent", default=1.0)
+    contrast: float = key(
+        number(least=1.0, most=10.0), "largest over smallest wanted cell size", default=3.0
+    )
+    alignment: float = key(
+        number(least=0.0),
+        "weight of turning cells along the stress",
+        default=0.0,
+        later="alignment is not offered yet; leave it out or give 0.",
+    )
+    target: str = key(
+        choice("energy", "axes"), "what alignment aims at (has no effect at weight 0)", default="energy"
+    )
+    margin_cells: int = key(
+        whole(least=0), "cells added around the part on every side", default=1
+    )
+
+
+@dataclass(frozen=True)
+class SizingSection:
+    """`[sizing]`: strut radii by optimisation."""
+
+    method: str = key(
+        choice("none", "optimality-criteria", "mma"), "optimiser", default="optimality-criteria"
+    )
+    objective: str = key(
+        choice("compliance", "volume"),
+        "what is made small",
+        default="compliance",
+        later='only "compliance" is offered yet.',
+    )
+    volume_fraction: float | None = key(
+        number(above=0.0, most=0.9),
+        "overlap-corrected volume of (S and M) over the part's (absent: what the radius gives)",
+        default=None,
+    )
+    min_radius_mm: float | None = key(
+        number(above=0.0), "smallest radius (absent: 0.4 of the uniform one)", default=None
+    )
+    max_radius_mm: float | None = key(
+        number(above=0.0),
+        "largest radius (absent: 2.5 of the uniform one, and 0.2 of the strut's length)",
+        default=None,
+    )
+    iterations: int = key(whole(least=1), "most iterations", default=60)
+
+
+@dataclass(frozen=True)
+class OutputSection:
+    """`[output]`: accuracy of the geometry, and pictures."""
+
+    tolerance_mm: float = key(
+        number(above=0.0), "bound on offset, shell and boolean error", default=0.05
+    )
+    pictures: bool = key(yes_no(), "draw the report's pictures", default=True)
+
+
+SECTIONS: dict[str, type] = {
+    "part": PartSection,
+    "material": MaterialSection,
+    "analysis": AnalysisSection,
+    "lattice": LatticeSection,
+    "warp": WarpSection,
+    "sizing": SizingSection,
+    "output": OutputSection,
+}

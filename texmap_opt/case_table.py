@@ -1,0 +1,172 @@
+"""Tables of a case file read against declared keys: every error names file, key, value, limit, remedy."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass
+from typing import Any, TypeVar
+
+from texmap_opt.errors import CaseError, nearest_name
+
+Section = TypeVar("Section")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a key accepts: `read` returns the value, or raises ValueError with the limit."""
+
+    name: str
+    read: Callable[[Any], Any]
+
+
+def key(kind: Kind, doc: str, *, default: Any = MISSING, later: str = "") -> Any:
+    """Declare one key of a section.
+
+    Args:
+        kind: what it accepts.
+        doc: one line for docs/case.md, with the unit's meaning.
+        default: value when absent; left out, the key is required.
+        later: why values other than the default are refused for now; empty when they are not.
+    """
+    return dataclasses.field(
+        default=default, metadata={"kind": kind, "doc": doc, "later": later}
+    )
+
+
+def read_section(
+    section: type[Section], table: Any, where: str, *, extra: frozenset[str] = frozenset()
+) -> Section:
+    """Build a section's dataclass from its TOML table.
+
+    Args:
+        section: dataclass whose fields were made by `key`.
+        table: what the TOML file holds under the section's name.
+        where: file and section for messages, such as "case.toml: [lattice]".
+        extra: keys that the caller reads itself.
+
+    Raises:
+        CaseError: for a missing, unknown or impossible entry.
+    """
+    if not isinstance(table, Mapping):
+        raise CaseError(f"{where} = {table!r}: must be a table of keys.")
+    keys = {f.name: f for f in dataclasses.fields(section) if "kind" in f.metadata}  # pyright: ignore[reportArgumentType]
+    for name in table:
+        if name not in keys and name not in extra:
+            remedy = nearest_name(name, [*keys, *extra])
+            raise CaseError(f"{where} {name}: there is no such key; {remedy}")
+    values = {}
+    for name, declared in keys.items():
+        if name in table:
+            values[name] = _value(declared, table[name], f"{where} {name}")
+        elif declared.default is MISSING:
+            doc = declared.metadata["doc"]
+            raise CaseError(f"{where} {name} is missing: {doc}")
+    return section(**values)
+
+
+def _value(declared: dataclasses.Field, value: Any, where: str) -> Any:
+    kind: Kind = declared.metadata["kind"]
+    try:
+        read = kind.read(value)
+    except ValueError as failure:
+        raise CaseError(f"{where} = {value!r}: {failure}") from failure
+    if declared.metadata["later"] and read != declared.default:
+        raise CaseError(f"{where} = {value!r}: {declared.metadata['later']}")
+    return read
+
+
+def number(
+    *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
+) -> Kind:
+    """A finite number; `above` is an open limit, `least` and `most` are closed."""
+    words = {"above": above, "at least": least, "at most": most}
+    limits = " and ".join(f"{word} {v:g}" for word, v in words.items() if math.isfinite(v))
+
+    def read(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ValueError("must be a finite number.")
+        if value <= above or value < least or value > most:
+            raise ValueError(f"must be {limits}.")
+        return float(value)
+
+    return Kind(f"number {limits}".strip(), read)
+
+
+def whole(*, least: int) -> Kind:
+    """A whole number of at least `least`."""
+
+    def read(value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise ValueError("must be a whole number.")
+        if value < least:
+            raise ValueError(f"must be at least {least}.")
+        return value
+
+    return Kind(f"whole number, at least {least}", read)
+
+
+def vector(component: Kind) -> Kind:
+    """Three components, such as [0, 0, -500]."""
+
+    def read(value: Any) -> tuple:
+        if not isinstance(value, list) or len(value) != 3:
+            raise ValueError("must be three numbers, such as [1, 2, 3].")
+        return tuple(component.read(entry) for entry in value)
+
+    return Kind(f"three of: {component.name}", read)
+
+
+def choice(*names: str) -> Kind:
+    """One of the given words."""
+
+    def read(value: Any) -> str:
+        if value not in names:
+            raise ValueError(f"is not known; {nearest_name(str(value), names)}")
+        return value
+
+    return Kind(" \\| ".join(f'"{name}"' for name in names), read)
+
+
+def choices(*names: str) -> Kind:
+    """A list of one or more of the given words."""
+    one = choice(*names)
+
+    def read(value: Any) -> tuple[str, ...]:
+        if not isinstance(value, list) or not value:
+            raise ValueError(f'must be a list, such as ["{names[0]}"].')
+        return tuple(one.read(entry) for entry in value)
+
+    return Kind(f"list of {one.name}", read)
+
+
+def text() -> Kind:
+    """Any words that are not empty."""
+
+    def read(value: Any) -> str:
+        if not isinstance(value, str) or not value.strip():
+            raise ValueError("must be text that is not empty.")
+        return value
+
+    return Kind("text", read)
+
+
+def table() -> Kind:
+    """A table that its own reader checks."""
+
+    def read(value: Any) -> dict:
+        if not isinstance(value, Mapping):
+            raise ValueError("must be a table, such as { box = [[0, 0, 0], [1, 1, 1]] }.")
+        return dict(value)
+
+    return Kind("table", read)
+
+
+def yes_no() -> Kind:
+    """true or false."""
+
+    def read(value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise ValueError("must be true or false.")
+        return value
+
+    return Kind("true \\| false", read)

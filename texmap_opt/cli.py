@@ -1,0 +1,235 @@
+"""`texmap`: arguments to the pipeline; the only file that prints, and the only one that exits."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import jax
+
+from texmap_opt import progress
+from texmap_opt.cache import DEFAULT_LIMIT_MB, StageCache
+from texmap_opt.errors import InputError, TexmapError
+
+INTERRUPTED = 130  # 128 + SIGINT, the shell's custom
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the console script; ends the process with the contract's exit code."""
+    jax.config.update("jax_enable_x64", True)
+    options = _parser().parse_args(arguments)
+    try:
+        code = options.command(options)
+    except TexmapError as failure:
+        print(f"texmap: {failure}", file=sys.stderr)
+        code = failure.exit_code
+    except KeyboardInterrupt:
+        print("texmap: interrupted; nothing was written.", file=sys.stderr)
+        code = INTERRUPTED
+    except MemoryError:
+        print(
+            "texmap: out of memory; use larger cells, tets (edge_mm) or tolerance_mm.",
+            file=sys.stderr,
+        )
+        code = 1
+    except BrokenPipeError:
+        code = 0
+    sys.exit(code)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="texmap", description="Fill a part with a lattice shaped by its own stresses."
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, function, help_text: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=help_text, description=help_text)
+        added.set_defaults(command=function)
+        return added
+
+    run = command("run", _run, "the main job: from a case file to a printable part")
+    run.add_argument("case", type=Path, help="case file (TOML)")
+    run.add_argument("--out", type=Path, required=True, help="folder for the results")
+    _case_options(run)
+    loudness = run.add_mutually_exclusive_group()
+    loudness.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    loudness.add_argument("--json-progress", action="store_true", help="progress as JSON lines")
+
+    look = command("look", _look, "what a run would do: picture and estimates, in seconds")
+    look.add_argument("case", type=Path, help="case file (TOML)")
+    look.add_argument("--png", type=Path, default=Path("look.png"), help="where the picture goes")
+    look.add_argument("--part", type=Path, help="replaces [part] file")
+
+    new = command("new", _new, "write a commented starter case with its part")
+    new.add_argument("directory", type=Path)
+
+    command("cells", _cells, "list the unit cells of the library")
+    cell = command("cell", _cell, "describe one unit cell, and draw it")
+    cell.add_argument("name", help="a name of `texmap cells`, or a unit-cell XML")
+    cell.add_argument("--png", type=Path, help="draw it into this file")
+
+    mesh = command("mesh", _mesh, "the solid of a structure.xml")
+    mesh.add_argument("structure", type=Path)
+    mesh.add_argument("-o", "--output", type=Path, required=True, help="STL or 3MF")
+    _tolerance(mesh)
+
+    combine = command("combine", _combine, "join a part with a lattice solid")
+    combine.add_argument("part", type=Path)
+    combine.add_argument("lattice", type=Path)
+    combine.add_argument("-o", "--output", type=Path, required=True, help="STL or 3MF")
+    combine.add_argument("--kind", choices=["rod", "plate"], default="rod")
+    combine.add_argument("--skin", type=float, default=1.0, help="skin thickness [mm]; 0: none")
+    combine.add_argument("--unit", default="mm", choices=["mm", "cm", "m", "in"])
+    _tolerance(combine)
+
+    check = command("check", _check, "validity report of a surface file, as JSON")
+    check.add_argument("file", type=Path)
+    return parser
+
+
+def _case_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--part", type=Path, help="replaces [part] file")
+    parser.add_argument("--method", help="replaces [warp] method")
+    parser.add_argument("--no-cache", action="store_true", help="compute every stage anew")
+    parser.add_argument(
+        "--cache-mb", type=float, default=DEFAULT_LIMIT_MB, help="size limit of the cache [MB]"
+    )
+
+
+def _tolerance(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--tolerance", type=float, default=0.05, help="geometric error bound [mm]")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from texmap_opt.case import DesignCase
+    from texmap_opt.export.run_folder import check_writable, write_run
+    from texmap_opt.pipeline import run
+
+    case = DesignCase.from_toml(options.case, part_file=options.part, warp_method=options.method)
+    check_writable(options.out)
+    teller = progress.Live()
+    if options.quiet:
+        teller = progress.Silent()
+    elif options.json_progress:
+        teller = progress.JsonLines()
+    told = progress.Progress(teller)
+    cache = StageCache.default(limit_mb=options.cache_mb)
+    result = run(case, progress=told, cache=StageCache(None) if options.no_cache else cache)
+    report = write_run(result, options.out, told)
+    if not options.quiet and not options.json_progress:
+        print(_headline(report, options.out))
+    return 0
+
+
+def _headline(report: dict, out: Path) -> str:
+    result, sizing = report["result"], report["sizing"]
+    line = (
+        f"{out / 'part.stl'}: {result['triangles']:,} triangles, {result['volume_mm3']:,.0f} mm³, "
+        f"{result['mass_g']:.4g} g"
+    )
+    if sizing["compliance_after_Nmm"] is not None:
+        line += (
+            f"; compliance {sizing['compliance_before_Nmm']:.4g} -> "
+            f"{sizing['compliance_after_Nmm']:.4g} N mm"
+        )
+    return f"{line}; {report['seconds']['total']:.0f} s. Open {out / 'report.html'}"
+
+
+def _look(options: argparse.Namespace) -> int:
+    from texmap_opt.case import DesignCase
+    from texmap_opt.look import draw_look, look
+
+    case = DesignCase.from_toml(options.case, part_file=options.part)
+    seen = look(case)
+    print(seen.text())
+    missing = draw_look(seen, options.png)
+    print(f"no picture: {missing}" if missing else f"picture: {options.png}")
+    return 0
+
+
+def _new(options: argparse.Namespace) -> int:
+    from texmap_opt.starter import write_starter
+
+    case = write_starter(options.directory)
+    print(f"{case} is ready: try `texmap look {case}`, then `texmap run {case} --out out`.")
+    return 0
+
+
+def _cells(options: argparse.Namespace) -> int:
+    from texmap_opt.cells.catalogue import cell_names, unit_cell
+
+    for name in cell_names():
+        cell = unit_cell(name)
+        size = f"{len(cell.joints)} joints, {len(cell.struts)} struts"
+        print(f"{name:<14} {size:<24} {cell.description}")
+    return 0
+
+
+def _cell(options: argparse.Namespace) -> int:
+    from texmap_opt.cells.catalogue import unit_cell
+
+    cell = unit_cell(options.name)
+    print(f"{cell.name}: {cell.description}")
+    print(f"  {len(cell.joints)} joints, {len(cell.struts)} struts; {cell.classification}")
+    print(f"  tiled by {cell.tiling}; source: {cell.source}")
+    if options.png:
+        from texmap_opt.cells.drawn_cell import drawn_cell
+        from texmap_opt.report.drawing import draw_cell
+
+        draw_cell(drawn_cell(cell), options.png)
+        print(f"  picture: {options.png}")
+    return 0
+
+
+def _mesh(options: argparse.Namespace) -> int:
+    from texmap_opt.export.solid_file import Solid
+    from texmap_opt.solid.float32_solid import printable_mesh
+    from texmap_opt.solid.lattice_solid import lattice_solid
+    from texmap_opt.structure.structure_xml import read_structure
+
+    tolerance = _positive(options.tolerance, "--tolerance")
+    surface = lattice_solid(read_structure(options.structure), tolerance_mm=tolerance)
+    surface, _ = printable_mesh(surface)
+    Solid(surface).save(options.output)
+    print(f"{options.output}: {len(surface.faces):,} triangles, {surface.volume:,.1f} mm³")
+    return 0
+
+
+def _combine(options: argparse.Namespace) -> int:
+    from texmap_opt.combine.part_with_lattice import plate_result, rod_result
+    from texmap_opt.export.solid_file import Solid
+    from texmap_opt.part import read_surface
+    from texmap_opt.solid.float32_solid import printable_mesh
+
+    tolerance = _positive(options.tolerance, "--tolerance")
+    if not options.skin >= 0:
+        raise InputError(f"--skin {options.skin}: must be 0 or more [mm].")
+    part = read_surface(options.part, unit=options.unit)
+    lattice = read_surface(options.lattice, unit="mm")
+    join = rod_result if options.kind == "rod" else plate_result
+    combined = join(
+        part.surface, lattice.surface, skin_mm=options.skin, tolerance_mm=tolerance
+    )
+    surface, _ = printable_mesh(combined.surface)
+    Solid(surface).save(options.output)
+    print(f"{options.output}: {len(surface.faces):,} triangles, {surface.volume:,.1f} mm³")
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    from texmap_opt.part_file import read_surface_file
+    from texmap_opt.solid.validity import validity
+
+    report = validity(read_surface_file(options.file))
+    print(json.dumps(report.as_dict(), indent=2))
+    return 0 if report.printable else 1
+
+
+def _positive(value: float, name: str) -> float:
+    if not value > 0:
+        raise InputError(f"{name} {value}: must be above 0 [mm].")
+    return value
+
+

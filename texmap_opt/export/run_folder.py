@@ -1,0 +1,176 @@
+"""The folder of a run: every file of the contract, each whole or not at all."""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from texmap_opt.errors import OutputError
+from texmap_opt.export.beam_lattice import write_beam_lattice
+from texmap_opt.export.solid_file import Solid
+from texmap_opt.export.vtk import write_grid, write_stress, write_struts
+from texmap_opt.progress import Progress
+from texmap_opt.report.drawing import Drawn, draw
+from texmap_opt.report.numbers import peak_memory_mb
+from texmap_opt.report.page import write_page
+from texmap_opt.report.plots import PlotData
+from texmap_opt.report.run_scenes import run_scenes
+from texmap_opt.report.scenes import cell_sizes
+from texmap_opt.run_result import Run
+from texmap_opt.structure.structure_xml import write_structure
+from texmap_opt.warp import certificate
+
+# All pictures together; software rendering of a million triangles takes a tenth of it [s].
+PICTURES_TIMEOUT_S = 240.0
+
+
+def check_writable(out: Path) -> None:
+    """Refuse a folder that cannot be written before anything is computed.
+
+    Raises:
+        OutputError: naming the folder.
+    """
+    if out.exists() and not out.is_dir():
+        raise OutputError(f"--out {out}: is a file; name a folder.")
+    parent = out.absolute()
+    while not parent.exists():
+        parent = parent.parent
+    if not os.access(parent, os.W_OK):
+        raise OutputError(f"--out {out}: {parent} cannot be written; name another folder.")
+
+
+def write_run(run: Run, out: Path, progress: Progress) -> dict:
+    """Write all files of a run into a folder, which is made when it is not there.
+
+    They are made in a hidden folder beside it and moved when all are there: whatever goes wrong
+    before, nothing is left behind.
+
+    Args:
+        run: what the stages left.
+        out: the folder.
+        progress: gets the stages "files" and "pictures".
+
+    Returns:
+        The content of report.json, with the times of all stages.
+
+    Raises:
+        OutputError: the disk is full, or the folder cannot be written.
+    """
+    with _staged(out) as folder:
+        with progress.stage("files"):
+            _write_files(run, folder)
+        with progress.stage("pictures"):
+            drawn = _draw(run, folder)
+            for name, reason in drawn.missing.items():
+                progress.warn(f"no picture of {name}: {reason}")
+            progress.detail(f"{len(drawn.pictures)} drawn")
+        report = run.report | {
+            "seconds": dict(progress.seconds) | {"total": progress.total()},
+            "peak_memory_mb": peak_memory_mb(),
+            "warnings": list(progress.warnings),
+            "missing_pictures": drawn.missing,
+        }
+        (folder / "report.json").write_text(json.dumps(report, indent=2, allow_nan=False) + "\n")
+        write_page(
+            report,
+            folder / "report.html",
+            pictures=drawn.pictures,
+            missing=drawn.missing,
+            plot_data=_plot_data(run),
+        )
+        shutil.rmtree(folder / PICTURES)
+    return report
+
+
+# Folder of the pictures while the page is made.
+PICTURES = "pictures"
+
+
+@contextmanager
+def _staged(out: Path) -> Iterator[Path]:
+    """A hidden folder beside `out` whose files move into `out` when all went well."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as failure:
+        raise OutputError(f"{out}: cannot be written ({failure.strerror}).") from failure
+    try:
+        yield folder
+        out.mkdir(exist_ok=True)
+        for file in sorted(folder.iterdir()):
+            file.replace(out / file.name)
+    except OSError as failure:
+        raise OutputError(
+            f"{out}: cannot be written ({failure.strerror}); free some space, or name another folder."
+        ) from failure
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _write_files(run: Run, folder: Path) -> None:
+    case, structure = run.case, run.filling.structure
+    run.solid.save(folder / "part.stl")
+    run.solid.save(folder / "part.3mf")
+    write_structure(
+        structure,
+        folder / "structure.xml",
+        provenance={
+            "program": f"texmap-opt {run.report['version']}",
+            "case": case.path.name,
+            "cell": run.cell.name,
+            "warp": run.warp.method,
+        },
+    )
+    if case.lattice.kind == "rod" and structure.section == "round":
+        write_beam_lattice(folder / "lattice.3mf", structure)
+    stress = run.stress
+    write_stress(
+        folder / "stress.vtu",
+        mesh=(stress.mesh.nodes, stress.mesh.tets),
+        case_names=stress.case_names,
+        displacement=stress.displacement,
+        stress=stress.stress,
+        von_mises=stress.von_mises,
+    )
+    grid = run.warp.grid
+    wanted = float(np.cbrt(grid.uniform_edge.prod())) * run.warp.wanted_size
+    jacobian = certificate.grid_coefficients(grid).min(axis=1)
+    write_grid(
+        folder / "grid.vtu",
+        nodes=grid.nodes,
+        cell_data={
+            "size_mm": cell_sizes(grid.nodes),
+            "wanted_size_mm": wanted.reshape(grid.cells),
+            "min_jacobian": (jacobian / run.warp.wanted_size**3).reshape(grid.cells),
+        },
+    )
+    sized = run.filling.sized
+    strut_data = {"length_mm": structure.lengths()}
+    if sized is not None and sized.utilisation is not None:
+        strut_data["utilisation"] = sized.utilisation
+    write_struts(folder / "struts.vtp", structure, strut_data=strut_data)
+    (folder / "case.toml").write_text(case.to_toml(), encoding="utf-8")
+
+
+def _draw(run: Run, folder: Path) -> Drawn:
+    (folder / PICTURES).mkdir()
+    if not run.case.output.pictures:
+        return Drawn({}, {"all": "the case says [output] pictures = false"})
+    return draw(run_scenes(run), folder / PICTURES, timeout_s=PICTURES_TIMEOUT_S)
+
+
+def _plot_data(run: Run) -> PlotData:
+    structure, sized = run.filling.structure, run.filling.sized
+    edge = float(np.cbrt(run.warp.grid.uniform_edge.prod()))
+    return PlotData(
+        radii=structure.radii.mean(axis=1),
+        utilisation=None if sized is None else sized.utilisation,
+        lengths=structure.lengths(),
+        wanted_mm=edge * run.warp.wanted_size,
+        achieved_mm=cell_sizes(run.warp.grid.nodes).ravel(),
+    )

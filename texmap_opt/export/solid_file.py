@@ -1,0 +1,40 @@
+"""A finished solid, and the files it can be written to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from texmap_opt.errors import InputError
+from texmap_opt.export.stl import write_stl
+from texmap_opt.export.three_mf import write_three_mf
+from texmap_opt.solid.tri_mesh import TriMesh
+
+WRITERS: dict[str, Callable[[Path, TriMesh], None]] = {
+    ".stl": write_stl,
+    ".3mf": write_three_mf,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A closed surface that keeps its shape in float32, as files hold it.
+
+    Attributes:
+        surface: its triangles [mm].
+    """
+
+    surface: TriMesh
+
+    def save(self, path: str | Path) -> None:
+        """Write it; the format follows from the ending, .stl or .3mf.
+
+        Raises:
+            InputError: for another ending.
+            OutputError: when the file cannot be written.
+        """
+        path = Path(path)
+        writer = WRITERS.get(path.suffix.lower())
+        if writer is None:
+            known = " or ".join(WRITERS)
+            raise InputError(f'{path}: the ending "{path.suffix}" is not {known}; choose one of them.')
+        writer(path, self.surface)

@@ -1,0 +1,146 @@
+"""From the trimmed lattice to its sized struts and their solid, at the density that was asked for."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texmap_opt.case import DesignCase
+from texmap_opt.combine.boolean import intersection
+from texmap_opt.errors import SizingError
+from texmap_opt.frame_model import FrameModel, frame_model
+from texmap_opt.part import Part
+from texmap_opt.progress import Progress
+from texmap_opt.sizing.choice import sizing_of
+from texmap_opt.sizing.sized import Sized, SizingLimits
+from texmap_opt.solid.lattice_solid import lattice_solid
+from texmap_opt.solid.tri_mesh import TriMesh
+from texmap_opt.solid.validity import ValidityReport, require_printable
+from texmap_opt.stress_field import StressField
+from texmap_opt.structure.structure import Structure
+from texmap_opt.structure.trim import Trimmed
+from texmap_opt.structure.volume import LatticeVolume, lattice_volume
+
+# Relative difference between asked and measured density that is good enough, and how many times
+# the lattice is meshed to get there: the corrected volume is a few per cent off, a second try with
+# that error divided out is within half a per cent.
+DENSITY_TOLERANCE = 0.005
+DENSITY_TRIES = 4
+# Relative accuracy of a volume reached by scaling radii, and the most steps towards it.
+VOLUME_RTOL = 1e-8
+SCALING_STEPS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """A lattice with its final radii, as struts and as a solid.
+
+    Attributes:
+        structure: joints, struts and final radii.
+        sized: what sizing did; None where the struts are holes.
+        lattice: surface of the solid S, not yet cut to the part.
+        validity: what was checked on it.
+        inside_mm3: volume of (S and M), measured on the meshes [mm³].
+        formula_mm3: overlap-corrected volume of the structure [mm³].
+    """
+
+    structure: Structure
+    sized: Sized | None
+    lattice: TriMesh
+    validity: ValidityReport
+    inside_mm3: float
+    formula_mm3: float
+
+
+def fill(
+    case: DesignCase, part: Part, stress: StressField, trimmed: Trimmed, progress: Progress
+) -> Filling:
+    """Size the struts and mesh them, again where a measured density is asked for.
+
+    Raises:
+        SizingError: the density or volume cannot be reached.
+        LatticeError: a support or load reaches no strut.
+        SolidError: the lattice cannot be meshed.
+    """
+    target = case.lattice.relative_density
+    with progress.stage("sizing"):
+        model = None
+        if case.lattice.kind == "rod":
+            model = frame_model(trimmed.structure, part, case, stress)
+    volume = _first_volume(case, part, trimmed.structure)
+    for _ in range(DENSITY_TRIES):
+        filling = _filled(case, part, trimmed.structure, model, volume, progress)
+        if target is None:
+            return filling
+        density = filling.inside_mm3 / part.volume
+        progress.detail(f"relative density {density:.4f}")
+        if abs(density / target - 1) <= DENSITY_TOLERANCE:
+            return filling
+        volume = filling.formula_mm3 * target / density
+    raise SizingError(
+        f"{case.path.name}: [lattice] relative_density = {target:g}: {DENSITY_TRIES} tries end at "
+        f"{density:.4f} instead; the cells are too coarse for the part: use smaller cells, or give "
+        "radius_mm."
+    )
+
+
+def _first_volume(case: DesignCase, part: Part, structure: Structure) -> float | None:
+    """Overlap-corrected volume to aim at [mm³]; None: what the given radii have."""
+    for fraction in (case.sizing.volume_fraction, case.lattice.relative_density):
+        if fraction is not None:
+            return fraction * part.volume
+    return None
+
+
+def _filled(
+    case: DesignCase,
+    part: Part,
+    structure: Structure,
+    model: FrameModel | None,
+    volume: float | None,
+    progress: Progress,
+) -> Filling:
+    sized = None
+    with progress.stage("sizing"):
+        if volume is not None:
+            structure = _scaled_to_volume(structure, volume)
+        if model is not None:
+            sized = sizing_of(case.sizing).size(
+                replace(model, structure=structure),
+                SizingLimits(volume, case.sizing.min_radius_mm, case.sizing.max_radius_mm),
+            )
+            structure = sized.structure
+            progress.detail(
+                f"compliance {sized.compliance_before:.4g} -> {sized.compliance_after:.4g} N mm"
+            )
+            if not sized.converged:
+                progress.warn(f"sizing: {sized.message}")
+    with progress.stage("lattice"):
+        lattice = lattice_solid(structure, tolerance_mm=case.output.tolerance_mm)
+        checked = require_printable(lattice, "The lattice")
+        inside = intersection(lattice, part.surface).volume
+        progress.detail(f"{len(lattice.faces):,} triangles")
+    return Filling(structure, sized, lattice, checked, inside, lattice_volume(structure))
+
+
+def _scaled_to_volume(structure: Structure, volume: float) -> Structure:
+    """All radii times one factor, so that the overlap-corrected volume is `volume` [mm³].
+
+    Volume grows a little slower than the square of the factor (overlaps grow with its cube), so
+    each step takes the square root of the missing ratio and the iteration contracts.
+
+    Raises:
+        SizingError: the cells fill up before that volume is reached.
+    """
+    measure = LatticeVolume.of(structure)
+    radii, shortest = structure.radii, float(np.median(structure.lengths()))
+    for _ in range(SCALING_STEPS):
+        ratio = volume / float(measure(structure.joints, radii))
+        if abs(ratio - 1) <= VOLUME_RTOL:
+            return structure.with_radii(radii)
+        radii = radii * np.sqrt(ratio)
+        if float(np.median(radii)) > shortest / 2:
+            break
+    raise SizingError(
+        f"A lattice of {volume:.4g} mm³ fills its cells up: lower [sizing] volume_fraction or "
+        "[lattice] relative_density, or use larger cells."
+    )

@@ -1,0 +1,110 @@
+"""How many cells a case asks for, and the uniform grid they start from."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from texmap_opt.case import DesignCase
+from texmap_opt.cells.unit_cell import UnitCell
+from texmap_opt.errors import CaseError
+from texmap_opt.structure.map import map_structure
+from texmap_opt.warp.hex_grid import HexGrid
+
+# A grid above this many cells holds more struts than the program has been tried with.
+MOST_CELLS = 200_000
+# Struts thinner than this are below the spot of a laser and the nozzle of an extruder [mm].
+LEAST_PRINTABLE_RADIUS_MM = 0.05
+# A radius above this share of the cell's shortest edge leaves no opening in any cell of the library.
+FILLED_SHARE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class GridPlan:
+    """What the lattice starts from.
+
+    Attributes:
+        grid: the uniform grid.
+        radius_mm: strut radius before sizing: the case's, or that of its relative density when
+            overlaps at joints are left out of account.
+    """
+
+    grid: HexGrid
+    radius_mm: float
+
+
+def plan_grid(case: DesignCase, bounds: Float[np.ndarray, "2 3"], cell: UnitCell) -> GridPlan:
+    """The uniform grid of a case around a part.
+
+    Args:
+        case: gives `cells` or `cell_mm`, the margin and the radius.
+        bounds: lowest and highest corner of the part [mm].
+        cell: the unit cell; its strut length turns a density into a radius.
+
+    Raises:
+        CaseError: cells larger than the part, too many cells, or a radius that fills the cells or
+            is too thin to print.
+    """
+    file, lattice = case.path.name, case.lattice
+    extent = bounds[1] - bounds[0]
+    if lattice.cells is not None:
+        cells = lattice.cells
+    else:
+        edge = lattice.cell_mm or math.inf
+        if edge > extent.min():
+            raise CaseError(
+                f"{file}: [lattice] cell_mm = {edge:g}: is larger than the part, which spans "
+                f"{extent[0]:.4g} x {extent[1]:.4g} x {extent[2]:.4g} mm; give at most "
+                f"{extent.min() / 2:.3g}, or check [part] unit."
+            )
+        cells = tuple(max(1, round(float(length) / edge)) for length in extent)
+    count = math.prod(n + 2 * case.warp.margin_cells for n in cells)
+    if count > MOST_CELLS:
+        raise CaseError(
+            f"{file}: [lattice]: {cells[0]} x {cells[1]} x {cells[2]} cells are {count:,} with their "
+            f"margin; at most {MOST_CELLS:,} are possible: use larger cells."
+        )
+    shortest = float((extent / np.array(cells)).min())
+    radius = lattice.radius_mm
+    if radius is None:
+        density = lattice.relative_density or 0.0
+        radius = math.sqrt(density / (math.pi * _length_density(cell, extent / np.array(cells))))
+        _check_radius(f"{file}: [lattice] relative_density = {density:g} (radius {radius:.3g} mm)", radius, shortest)
+    else:
+        _check_radius(f"{file}: [lattice] radius_mm = {radius:g}", radius, shortest)
+    for name in ("min_radius_mm", "max_radius_mm"):
+        bound = getattr(case.sizing, name)
+        if bound is not None:
+            _check_radius(f"{file}: [sizing] {name} = {bound:g}", bound, shortest)
+    if case.warp.margin_cells == 0 and 2 * radius >= extent.min():
+        raise CaseError(
+            f"{file}: [lattice] radius_mm = {radius:g}: the part is only {extent.min():.3g} mm thick; "
+            "give a smaller radius."
+        )
+    grid = HexGrid.around(bounds, cells, margin_cells=case.warp.margin_cells, radius_mm=radius)
+    return GridPlan(grid, radius)
+
+
+def _length_density(cell: UnitCell, edges: Float[np.ndarray, " 3"]) -> float:
+    """Strut length per volume of an endless uniform lattice [1/mm²]: a block's growth by one cell."""
+    lengths = []
+    for n in (1, 2, 3):
+        block = HexGrid.uniform(np.stack([np.zeros(3), n * edges]), (n, n, n))
+        lengths.append(float(map_structure(cell, block.nodes, 1.0).lengths().sum()))
+    # n cells an axis hold a n³ + b n² + c n: inside, on faces, on edges; the third difference is 6 a.
+    inside = (lengths[2] - 3 * lengths[1] + 3 * lengths[0]) / 6
+    return inside / float(np.prod(edges))
+
+
+def _check_radius(where: str, radius: float, shortest: float) -> None:
+    if radius < LEAST_PRINTABLE_RADIUS_MM:
+        raise CaseError(
+            f"{where}: struts thinner than {LEAST_PRINTABLE_RADIUS_MM:g} mm radius do not print; "
+            f"give at least {LEAST_PRINTABLE_RADIUS_MM:g}."
+        )
+    if radius >= FILLED_SHARE * shortest:
+        raise CaseError(
+            f"{where}: fills the cells, whose shortest edge is {shortest:.4g} mm; give less than "
+            f"{FILLED_SHARE * shortest:.3g}, or use larger cells."
+        )

@@ -1,0 +1,234 @@
+"""What a run would do, told in seconds: regions, cells, counts, and the time and memory it needs."""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from texmap_opt.case import DesignCase, Load, Support
+from texmap_opt.cells.catalogue import unit_cell
+from texmap_opt.errors import CaseError
+from texmap_opt.export.whole_file import whole_file
+from texmap_opt.grid_plan import plan_grid
+from texmap_opt.part import Part, read_part
+from texmap_opt.report.drawing import draw
+from texmap_opt.report.marks import mark_of
+from texmap_opt.report.scenes import PlannedPart, compact
+from texmap_opt.solid.tri_mesh import TriMesh
+from texmap_opt.stress_field import MM_PER_M, region_slack
+from texmap_opt.structure.map import map_structure
+from texmap_opt.structure.trim import trim
+from texmap_opt.structure.volume import lattice_volume
+from texmap_opt.tetrahedralise import default_edge_mm
+from texmap_opt.thickness import thinnest_wall
+from texmap_opt.warp.hex_grid import HexGrid
+
+# Fewer cells than this across a wall behave as no continuum: stiffness then depends on where the
+# grid happens to lie (Onck, Andrews, Gibson, Int. J. Mech. Sci. 43 (2001) 681).
+LEAST_CELLS_ACROSS = 4
+# Triangles of the part's surface are divided until their edges are below this share of its
+# diagonal, so that a region's area is right on a coarse surface.
+SAMPLE_SHARE = 1 / 60
+MOST_SAMPLES = 400_000
+PICTURE_TIMEOUT_S = 60.0
+# Cost of a run on two cores, fitted to the runs of `studies/` within a factor of two.
+START_S, TETS_S, NODES_S, CELLS_S, STRUTS_S = 15.0, 4e-4, 1e-4, 4e-3, 8e-3
+START_MB, NODES_MB, STRUTS_MB = 700.0, 0.015, 0.25
+TRIANGLES_PER_STRUT = 60
+
+
+@dataclass(frozen=True, eq=False)
+class SeenRegion:
+    """A support or a load as the part's surface sees it.
+
+    Attributes:
+        action: the support or load.
+        patch: the selected pieces of the surface; no faces for gravity.
+        resultant: total force [N]; zero for supports.
+        label: one line.
+    """
+
+    action: Support | Load
+    patch: TriMesh
+    resultant: Float[np.ndarray, " 3"]
+    label: str
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What was seen.
+
+    Attributes:
+        case: what was asked.
+        part: the part.
+        grid: the planned uniform grid.
+        regions: supports, then loads.
+        cells_across: cells across the thinnest wall.
+        thinnest_mm: its thickness [mm].
+        struts: of a uniform grid, trimmed.
+        density: relative density of such struts.
+        triangles: estimate for the result.
+        seconds: estimate for a run without cache on two cores.
+        memory_mb: estimate of its peak memory.
+        warnings: what to think about before the long run.
+    """
+
+    case: DesignCase
+    part: Part
+    grid: HexGrid
+    regions: tuple[SeenRegion, ...]
+    cells_across: float
+    thinnest_mm: float
+    struts: int
+    density: float
+    triangles: int
+    seconds: float
+    memory_mb: float
+    warnings: tuple[str, ...]
+
+    def text(self) -> str:
+        """The report in lines."""
+        low, high = self.part.bounds
+        size = " x ".join(f"{x:.4g}" for x in high - low)
+        edge = " x ".join(f"{x:.3g}" for x in self.grid.uniform_edge)
+        cells = " x ".join(str(n) for n in self.grid.cells)
+        lines = [
+            f"part      {self.part.name}: {size} mm, {len(self.part.surface.faces):,} triangles, "
+            f"{self.part.volume:,.0f} mm³",
+            f"grid      {cells} cells of {edge} mm; {self.cells_across:.1f} across the thinnest "
+            f"wall, {self.thinnest_mm:.3g} mm",
+            f"lattice   about {self.struts:,} struts, relative density {self.density:.3f}",
+            f"estimate  {self.triangles:,} triangles, {self.seconds:.0f} s, {self.memory_mb:.0f} MB",
+            *(seen.label for seen in self.regions),
+            *(f"warning   {warning}" for warning in self.warnings),
+        ]
+        return "\n".join(lines)
+
+
+def look(case: DesignCase) -> Look:
+    """Read the part, find the regions, and count what a uniform grid would hold.
+
+    Raises:
+        CaseError: a region selects nothing, or the cells do not fit.
+        PartError: the part cannot be used.
+        LatticeError: no lattice would be left.
+    """
+    part = read_part(case.part, case.directory)
+    cell = unit_cell(case.lattice.cell, base=case.directory)
+    plan = plan_grid(case, part.bounds, cell)
+    grid = plan.grid
+    facets = _subdivided(part.surface, part.diagonal)
+    regions = tuple(_seen(facets, action) for action in (*case.supports, *case.loads))
+    net = map_structure(cell, grid.nodes, plan.radius_mm)
+    trimmed = trim(
+        net, part, attached_to_skin=case.lattice.skin_mm > 0, in_region=None, least_share=0.0
+    )
+    struts = len(trimmed.structure.struts)
+    thinnest = thinnest_wall(part.surface, query=part.signed_distance)
+    across = thinnest / float(grid.uniform_edge.max())
+    warnings = [*part.notes]
+    if across < LEAST_CELLS_ACROSS:
+        warnings.append(
+            f"only {across:.1f} cells across the thinnest wall ({thinnest:.3g} mm): below "
+            f"{LEAST_CELLS_ACROSS} a lattice's stiffness depends on how the grid lies; cell_mm = "
+            f"{thinnest / LEAST_CELLS_ACROSS:.2g} would give {LEAST_CELLS_ACROSS}."
+        )
+    triangles, seconds, memory = _cost(case, part, grid, struts)
+    return Look(
+        case=case,
+        part=part,
+        grid=grid,
+        regions=regions,
+        cells_across=across,
+        thinnest_mm=thinnest,
+        struts=struts,
+        density=lattice_volume(trimmed.structure) / part.volume,
+        triangles=triangles,
+        seconds=seconds,
+        memory_mb=memory,
+        warnings=tuple(warnings),
+    )
+
+
+def draw_look(seen: Look, png: Path) -> str | None:
+    """Draw part, regions and grid into a PNG file; returns why it could not, or None.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    marks = tuple(mark_of(r.action, r.patch, r.label, r.resultant) for r in seen.regions)
+    scene = PlannedPart(part=seen.part.surface, marks=marks, grid=seen.grid.nodes)
+    with tempfile.TemporaryDirectory(prefix="texmap-look-") as folder:
+        drawn = draw({"look": scene}, Path(folder), timeout_s=PICTURE_TIMEOUT_S)
+        if "look" in drawn.missing:
+            return drawn.missing["look"]
+        with whole_file(png) as file:
+            file.write(drawn.pictures["look"].read_bytes())
+    return None
+
+
+def _seen(facets: TriMesh, action: Support | Load) -> SeenRegion:
+    """Which pieces of the finely divided surface a support or load selects."""
+    name = action.where.split(": ", 1)[-1]
+    if action.region is None:
+        acceleration = np.array(action.gravity_m_s2)  # pyright: ignore[reportAttributeAccessIssue]
+        label = f"{name}: gravity {np.linalg.norm(acceleration):.4g} m/s²"
+        return SeenRegion(action, TriMesh(np.zeros((0, 3)), np.zeros((0, 3), int)), acceleration, label)
+    centroids = facets.vertices[facets.faces].mean(axis=1)
+    slack = region_slack(facets.vertices)
+    inside = action.region.contains(centroids, facets.face_normals, slack=slack)
+    if not inside.any():
+        raise CaseError(
+            f"{action.where} region: {action.region.describe()} selects nothing of the part's "
+            "surface; move or widen the region."
+        )
+    patch = compact(facets.vertices, facets.faces[inside])
+    area = float(facets.face_areas[inside].sum())
+    if isinstance(action, Support):
+        label = f"{name}: holds {', '.join(action.fix)} on {area:.4g} mm²"
+        return SeenRegion(action, patch, np.zeros(3), label)
+    resultant = _resultant(action, patch)
+    force = ", ".join(f"{x:.4g}" for x in resultant)
+    label = f"{name}: {action.case}, resultant [{force}] N on {area:.4g} mm²"
+    return SeenRegion(action, patch, resultant, label)
+
+
+def _resultant(load: Load, patch: TriMesh) -> Float[np.ndarray, " 3"]:
+    total = np.zeros(3)
+    if load.force_N is not None:
+        total += np.array(load.force_N)
+    if load.traction_MPa is not None:
+        total += np.array(load.traction_MPa) * patch.face_areas.sum()
+    if load.pressure_MPa is not None:
+        total -= load.pressure_MPa * (patch.face_areas @ patch.face_normals)
+    return total
+
+
+def _subdivided(surface: TriMesh, diagonal: float) -> TriMesh:
+    """The surface cut into triangles small enough to tell a region's area by their centroids."""
+    longest = SAMPLE_SHARE * diagonal
+    corners = surface.vertices[surface.faces]
+    while True:
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        large = edges > longest
+        if not large.any() or len(corners) > MOST_SAMPLES:
+            break
+        a, b, c = np.moveaxis(corners[large], 1, 0)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        corners = np.concatenate([corners[~large], *(np.stack(q, axis=1) for q in quarters)])
+    return TriMesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+
+
+def _cost(case: DesignCase, part: Part, grid: HexGrid, struts: int) -> tuple[int, float, float]:
+    """Triangles of the result, seconds and memory [MB] of a run: fits to runs of `studies/`."""
+    edge = case.analysis.edge_mm or default_edge_mm(part)
+    # A tet of edge a fills a³/(6 sqrt 2); the mesher keeps about half that size on average.
+    tets = 2 * part.volume * 6 * np.sqrt(2) / edge**3 + 2 * len(part.surface.faces)
+    nodes = tets * (1.6 if case.analysis.element == "tet10" else 0.25)
+    triangles = int(TRIANGLES_PER_STRUT * struts) + 4 * len(part.surface.faces)
+    seconds = START_S + TETS_S * tets + NODES_S * nodes + CELLS_S * grid.cell_count + STRUTS_S * struts
+    memory = START_MB + NODES_MB * nodes + STRUTS_MB * struts
+    return triangles, float(seconds), float(memory)

@@ -1,0 +1,96 @@
+"""The order of the stages, and nothing else."""
+
+import jax
+
+from texmap_opt.cache import StageCache, stage_key
+from texmap_opt.case import DesignCase
+from texmap_opt.cells.catalogue import unit_cell
+from texmap_opt.combine.part_with_lattice import plate_result, rod_result
+from texmap_opt.export.solid_file import Solid
+from texmap_opt.filling import fill
+from texmap_opt.grid_plan import plan_grid
+from texmap_opt.part import read_part
+from texmap_opt.progress import Progress, Silent
+from texmap_opt.report.numbers import report_numbers
+from texmap_opt.solid.float32_solid import printable_mesh
+from texmap_opt.run_result import Run
+from texmap_opt.solid.validity import require_printable
+from texmap_opt.stress_field import StressField, stress_field
+from texmap_opt.tet_source import part_tets
+from texmap_opt.trimmed_lattice import trimmed_lattice
+from texmap_opt.warp.warped_grid import WarpedGrid, warped_grid
+
+COMBINE = {"rod": rod_result, "plate": plate_result}
+
+
+def run(
+    case: DesignCase, *, progress: Progress | None = None, cache: StageCache | None = None
+) -> Run:
+    """From a case to a printable part.
+
+    Args:
+        case: the validated input.
+        progress: is told of every stage; absent: nobody is.
+        cache: where tets, stress and warp are kept; absent: nowhere.
+
+    Raises:
+        TexmapError: one sentence that says what is wrong and what to do.
+    """
+    progress = progress or Progress(Silent())
+    with jax.enable_x64(True):
+        return _run(case, progress, cache or StageCache(None))
+
+
+def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
+    cell = unit_cell(case.lattice.cell, base=case.directory)
+    with progress.stage("part"):
+        part = read_part(case.part, case.directory)
+        plan = plan_grid(case, part.bounds, cell)
+        for note in part.notes:
+            progress.warn(f"{part.name}: {note}")
+        progress.detail(f"{len(part.surface.faces):,} triangles, {part.volume:,.0f} mm³")
+    with progress.stage("tets"):
+        mesh = part_tets(case, part, cache)
+        progress.detail(f"{len(mesh.tets):,} {mesh.element}, {len(mesh.nodes):,} nodes")
+    stress_of = stage_key(
+        "stress", mesh.nodes, mesh.tets, case.material, case.supports, case.loads
+    )
+    with progress.stage("stress"):
+        stored = cache.get(stress_of)
+        stress = StressField.from_arrays(mesh, stored) if stored else stress_field(case, mesh)
+        cache.put_new(stress_of, stored, stress.to_arrays)
+        progress.detail(f"largest displacement {stress.max_displacement:.3g} mm")
+    warp_of = stage_key("warp", stress_of, plan.grid.nodes, case.warp)
+    with progress.stage("warp"):
+        stored = cache.get(warp_of)
+        warp = (
+            WarpedGrid.from_arrays(stored)
+            if stored
+            else warped_grid(case.warp, mesh, stress.stress, plan.grid)
+        )
+        cache.put_new(warp_of, stored, warp.to_arrays)
+        progress.detail(f"{warp.method}, {warp.grid.cell_count:,} cells")
+        if not warp.converged:
+            progress.warn(f"warp: {warp.message}")
+    with progress.stage("structure"):
+        trimmed = trimmed_lattice(
+            case, part, stress, cell, warp.grid, radius_mm=plan.radius_mm
+        )
+        progress.detail(f"{len(trimmed.structure.struts):,} struts")
+    filling = fill(case, part, stress, trimmed, progress)
+    with progress.stage("result"):
+        join = COMBINE[case.lattice.kind]
+        combined = join(
+            part.surface,
+            filling.lattice,
+            skin_mm=case.lattice.skin_mm,
+            tolerance_mm=case.output.tolerance_mm,
+        )
+        surface, snapped_mm = printable_mesh(combined.surface)
+        validity = require_printable(surface, "The result")
+        progress.detail(f"{len(surface.faces):,} triangles, {surface.volume:,.0f} mm³")
+    run = Run(
+        case, part, stress, warp, cell, trimmed, filling, combined, Solid(surface), validity, {}
+    )
+    run.report.update(report_numbers(run, progress, snapped_mm=snapped_mm))
+    return run

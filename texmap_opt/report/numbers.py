@@ -1,0 +1,198 @@
+"""The numbers of report.json, under the names of the contract (docs/report.md)."""
+
+import importlib.metadata
+import platform
+import sys
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+try:
+    import resource
+except ModuleNotFoundError:  # Windows has no such accounting.
+    resource = None
+
+from texmap_opt.progress import Progress
+from texmap_opt.run_result import Run
+
+# g in one tonne, for masses.
+GRAM_PER_TONNE = 1e6
+LIBRARIES = ("numpy", "scipy", "jax", "optimistix", "pytetwild", "manifold3d", "libigl", "pyvista")
+
+
+def report_numbers(run: Run, progress: Progress, *, snapped_mm: float) -> dict[str, Any]:
+    """All sections of the report but the times, which are known when the files are written.
+
+    Args:
+        run: what the stages left.
+        progress: its warnings and the seconds of the stages so far.
+        snapped_mm: largest displacement of a vertex by rounding to float32 [mm].
+    """
+    case = run.case
+    return {
+        "version": importlib.metadata.version("texmap-opt"),
+        "model": "frame",
+        "case_file": case.path.name,
+        "seconds": dict(progress.seconds) | {"total": progress.total()},
+        "peak_memory_mb": peak_memory_mb(),
+        "part": {
+            "name": run.part.name,
+            "triangles": len(run.part.surface.faces),
+            "volume_mm3": run.part.volume,
+            "area_mm2": run.part.area,
+            "bounds_mm": run.part.bounds.tolist(),
+            "watertight": True,  # `repaired` lets nothing else pass.
+            "notes": list(run.part.notes),
+        },
+        "material": {
+            "name": case.material.name,
+            "E_MPa": case.material.E,
+            "nu": case.material.nu,
+            "density_g_cm3": case.material.density * 1e9,
+            "yield_MPa": case.material.yield_stress,
+        },
+        "tet_mesh": {
+            "nodes": len(run.stress.mesh.nodes),
+            "tets": len(run.stress.mesh.tets),
+            "element": run.stress.mesh.element,
+            "volume_mm3": run.stress.mesh.volume,
+        },
+        "stress": _stress(run),
+        "warp": _warp(run),
+        "structure": _structure(run),
+        "sizing": _sizing(run),
+        "lattice": _lattice(run),
+        "result": _result(run, snapped_mm),
+        "warnings": list(progress.warnings),
+        "platform": {
+            "python": platform.python_version(),
+            "system": f"{platform.system()} {platform.machine()}",
+        }
+        | {name: importlib.metadata.version(name) for name in LIBRARIES},
+    }
+
+
+def peak_memory_mb() -> float | None:
+    """Largest resident memory of this process so far [MB]; None where the system does not tell."""
+    if resource is None:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Linux counts KiB, macOS bytes.
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+
+
+def _stress(run: Run) -> dict[str, Any]:
+    stress = run.stress
+    von_mises = stress.von_mises
+    return {
+        "load_cases": list(stress.case_names),
+        "max_displacement_mm": stress.max_displacement,
+        "compliance_Nmm": float(stress.compliance.sum()),
+        "compliance_of_cases_Nmm": stress.compliance.tolist(),
+        "max_von_mises_MPa": float(von_mises.max()),
+        "reaction_N": stress.reaction.tolist(),
+        "load_N": stress.load_forces.sum(axis=1).tolist(),
+        "residual": stress.residual,
+    }
+
+
+def _warp(run: Run) -> dict[str, Any]:
+    warp, quality = run.warp, run.warp.quality
+    return {
+        "method": warp.method,
+        "nodes": int(np.prod(warp.grid.nodes.shape[:3])),
+        "cells": list(warp.grid.cells),
+        "min_jacobian": quality.min_jacobian,
+        "folded_cells": quality.folded_cells,
+        "max_aspect": quality.max_aspect,
+        "min_edge": quality.min_edge,
+        "mean_angle_deg": quality.mean_angle_deg,
+        "size_slope": quality.size_slope,
+        "size_correlation": quality.size_correlation,
+        "wanted_contrast": float(warp.wanted_size.max() / warp.wanted_size.min()),
+        "iterations": warp.iterations,
+        "converged": warp.converged,
+        "message": warp.message,
+    }
+
+
+def _structure(run: Run) -> dict[str, Any]:
+    structure = run.filling.structure
+    grid = run.warp.grid
+    return {
+        "cell": run.cell.name,
+        "cells": list(grid.cells),
+        "cells_mm": grid.uniform_edge.tolist(),
+        "joints": len(structure.joints),
+        "struts": len(structure.struts),
+        "connected_components": int(structure.components().max()) + 1,
+        "total_length_mm": float(structure.lengths().sum()),
+        "trimmed": asdict(run.trimmed.counts),
+    }
+
+
+def _sizing(run: Run) -> dict[str, Any]:
+    sized, sizing = run.filling.sized, run.case.sizing
+    if sized is None:
+        names = (
+            "iterations",
+            "converged",
+            "compliance_before_Nmm",
+            "compliance_after_Nmm",
+            "volume_mm3",
+            "max_utilisation",
+            "min_radius_mm",
+            "max_radius_mm",
+        )
+        return {"method": sizing.method} | dict.fromkeys(names)
+    return {
+        "method": sizing.method,
+        "iterations": sized.iterations,
+        "converged": sized.converged,
+        "message": sized.message,
+        "compliance_before_Nmm": sized.compliance_before,
+        "compliance_after_Nmm": sized.compliance_after,
+        "volume_mm3": sized.volume,
+        "volume_fraction": sized.volume / run.part.volume,
+        "max_utilisation": sized.max_utilisation,
+        "min_radius_mm": sized.min_radius,
+        "max_radius_mm": sized.max_radius,
+        "residual": sized.solution.residual,
+        "history": {"compliance": sized.history.tolist()},
+    }
+
+
+def _lattice(run: Run) -> dict[str, Any]:
+    filling, shape = run.filling, run.filling.validity
+    return {
+        "triangles": shape.triangles,
+        "watertight": shape.watertight,
+        "volume_mm3": shape.volume_mm3,
+        "genus": shape.genus,
+        "inside_mm3": filling.inside_mm3,
+        "relative_density": filling.inside_mm3 / run.part.volume,
+        "formula_mm3": filling.formula_mm3,
+    }
+
+
+def _result(run: Run, snapped_mm: float) -> dict[str, Any]:
+    validity, combined = run.validity, run.combined
+    volume = run.solid.surface.volume
+    return {
+        "triangles": validity.triangles,
+        "watertight": validity.watertight,
+        "volume_mm3": volume,
+        "mass_g": volume * run.case.material.density * GRAM_PER_TONNE,
+        "relative_density": volume / run.part.volume,
+        "connected_components": validity.connected_components,
+        "closed_voids": validity.closed_voids,
+        "genus": validity.genus,
+        "area_mm2": validity.area_mm2,
+        "printable": validity.printable,
+        "snapped_mm": snapped_mm,
+        "skin_error_mm": None if combined.offset is None else combined.offset.error_mm,
+        "skin_solid_share": None if combined.offset is None else combined.offset.solid_share,
+        "chips_removed": combined.chips,
+        "chip_volume_mm3": combined.chip_volume_mm3,
+    }

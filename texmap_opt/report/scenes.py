@@ -1,0 +1,179 @@
+"""What each picture shows, as plain arrays: nothing here draws."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from texmap_opt.solid.tri_mesh import TriMesh
+
+
+class Action(Enum):
+    """What a mark on the part stands for."""
+
+    SUPPORT = "support"
+    FORCE = "force"
+    PRESSURE = "pressure"
+    SUCTION = "suction"
+    MOMENT = "moment"
+    GRAVITY = "gravity"
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A support or a load, shown as a coloured area with cones or arrows.
+
+    Attributes:
+        action: what it is; pressure pushes along the inward normals, suction pulls.
+        label: one line for the legend, such as "lift: 500 N on 400 mm²".
+        patch: the facets it acts on; no faces for gravity.
+        direction: of the force, the acceleration, or the axis of the moment; zero for supports
+            and pressure.
+    """
+
+    action: Action
+    label: str
+    patch: TriMesh
+    direction: Float[np.ndarray, "3"]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedPart:
+    """The part's surface coloured by von Mises stress, supports and loads marked.
+
+    Attributes:
+        surface: boundary of the tet mesh, triangles only.
+        von_mises: at its vertices [MPa].
+        marks: supports and loads.
+    """
+
+    surface: TriMesh
+    von_mises: Float[np.ndarray, " vertices"]
+    marks: tuple[Mark, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class WarpedGrid:
+    """The cells that meet the part, coloured by size, in the translucent part.
+
+    Attributes:
+        nodes: corners of the cells [mm].
+        size: edge of the cube with the cell's volume [mm].
+        meets: cells that meet the part.
+        part: the part's surface.
+    """
+
+    nodes: Float[np.ndarray, "i j k 3"]
+    size: Float[np.ndarray, "x y z"]
+    meets: Bool[np.ndarray, "x y z"]
+    part: TriMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Struts:
+    """Struts as tubes of their own radius, coloured by a value at their two ends.
+
+    Attributes:
+        joints: positions [mm].
+        struts: the two joints of each strut.
+        radii: radius at its two ends [mm].
+        values: what the colour shows, at its two ends.
+        quantity: name for the colour bar, such as "strut radius".
+        unit: of the values; empty for none.
+        limit: a value not to be exceeded; what lies above it is drawn red.
+    """
+
+    joints: Float[np.ndarray, "joints 3"]
+    struts: Int[np.ndarray, "struts 2"]
+    radii: Float[np.ndarray, "struts 2"]
+    values: Float[np.ndarray, "struts 2"]
+    quantity: str
+    unit: str
+    limit: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CutOpen:
+    """A solid with the half towards the viewer taken away; the section is filled."""
+
+    surface: TriMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """A solid from outside."""
+
+    surface: TriMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """One unit cell in its cube.
+
+    Attributes:
+        joints: positions; the cube is their bounding box.
+        struts: the two joints of each strut.
+        radii: radius at its two ends.
+    """
+
+    joints: Float[np.ndarray, "joints 3"]
+    struts: Int[np.ndarray, "struts 2"]
+    radii: Float[np.ndarray, "struts 2"]
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedPart:
+    """The part before a run: supports and loads numbered, the grid's outline behind it.
+
+    Attributes:
+        part: the part's surface.
+        marks: supports and loads; their labels become the legend.
+        grid: corners of the cells that are planned [mm].
+    """
+
+    part: TriMesh
+    marks: tuple[Mark, ...]
+    grid: Float[np.ndarray, "i j k 3"]
+
+
+Scene = LoadedPart | WarpedGrid | Struts | CutOpen | Whole | Cell | PlannedPart
+
+
+def cell_sizes(nodes: Float[np.ndarray, "i j k 3"]) -> Float[np.ndarray, "x y z"]:
+    """Edge of the cube with each cell's volume [mm]; NaN where a cell is inside out.
+
+    The volume is that of the cell cut into six tets along a diagonal: exact for flat faces.
+    """
+    c = [
+        nodes[i : nodes.shape[0] - 1 + i, j : nodes.shape[1] - 1 + j, k : nodes.shape[2] - 1 + k]
+        for i in (0, 1)
+        for j in (0, 1)
+        for k in (0, 1)
+    ]
+    # Corner (i, j, k) is c[4i + 2j + k]; each path along the axes from c[0] to c[7] is one tet,
+    # positive when the order of its steps is an even permutation of x, y, z.
+    volume = np.zeros(c[0].shape[:-1])
+    for a, b, sign in ((4, 6, 1), (2, 3, 1), (1, 5, 1), (4, 5, -1), (2, 6, -1), (1, 3, -1)):
+        volume += sign * _triple(c[a] - c[0], c[b] - c[0], c[7] - c[0]) / 6
+    return np.where(volume > 0, np.abs(volume), np.nan) ** (1 / 3)
+
+
+def _triple(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", a, np.cross(b, c))
+
+
+def triangles_of_facets(
+    facets: Int[np.ndarray, "facets corners"],
+) -> Int[np.ndarray, "faces 3"]:
+    """Triangles of tet-mesh facets: one for three nodes, four for six (VTK order)."""
+    if facets.shape[1] == 3:
+        return facets
+    corner = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+    return facets[:, corner].reshape(-1, 3)
+
+
+def compact(vertices: Float[np.ndarray, "nodes 3"], faces: Int[np.ndarray, "faces 3"]) -> TriMesh:
+    """The triangles with only the vertices that they use."""
+    used, new = np.unique(faces, return_inverse=True)
+    return TriMesh(vertices[used], new.reshape(-1, 3))

@@ -1,0 +1,195 @@
+"""Tables of the page: which numbers of `report.json`, their names, and how they are written."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+DASH = "–"
+
+# Components this much smaller than the largest are written as zero.
+ROUNDING = 1e-9
+
+# Keeps the digits of a number together, unlike a common space.
+THIN_SPACE = "\u202f"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table: the key in the section, what it is called, how its value is written."""
+
+    key: str
+    name: str
+    write: Callable[[Any], str]
+
+
+def digits(value: float, figures: int = 4) -> str:
+    """A number with so many significant figures, thousands apart, powers of ten when extreme."""
+    if value == 0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e9:
+        mantissa, exponent = f"{value:.{figures - 1}e}".split("e")
+        return f"{mantissa} × 10<sup>{int(exponent)}</sup>"
+    decimals = max(0, figures - len(str(int(abs(value)))))
+    if abs(value) < 1:
+        text = f"{float(f'{value:.{figures}g}'):.{figures + 4}f}"
+    else:
+        text = f"{value:,.{decimals}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return text.replace(",", THIN_SPACE)
+
+
+def quantity(unit: str, figures: int = 4) -> Callable[[Any], str]:
+    """Writes a number, a list of them, or a list of such lists (one line each), with a unit."""
+
+    def write(value: Any) -> str:
+        if not isinstance(value, list | tuple):
+            return f"{digits(float(value), figures)} {unit}".strip()
+        if value and isinstance(value[0], list | tuple):
+            return "<br>".join(write(one) for one in value)
+        numbers = [float(one) for one in value]
+        # Beside a force of 500 N, 1e-12 N is rounding.
+        least = ROUNDING * max((abs(number) for number in numbers), default=0.0)
+        written = [digits(one if abs(one) > least else 0.0, figures) for one in numbers]
+        return f"{', '.join(written)} {unit}".strip()
+
+    return write
+
+
+def percent(value: Any) -> str:
+    """A fraction in percent."""
+    return f"{digits(100 * float(value), 3)} %"
+
+
+def count(value: Any) -> str:
+    """A whole number, or the counts along three axes."""
+    if isinstance(value, list | tuple):
+        return " × ".join(count(one) for one in value)
+    return f"{int(value):,}".replace(",", THIN_SPACE)
+
+
+def yes_no(value: Any) -> str:
+    """Yes or no, coloured: yes is the good answer."""
+    return '<span class="yes">yes</span>' if value else '<span class="no">no</span>'
+
+
+def none_wanted(value: Any) -> str:
+    """A count that should be zero."""
+    return count(value) if not value else f'<span class="no">{count(value)}</span>'
+
+
+def one_wanted(value: Any) -> str:
+    """A count that should be one."""
+    return count(value) if value == 1 else f'<span class="no">{count(value)}</span>'
+
+
+def text(value: Any) -> str:
+    """Words as they are, or a list of them."""
+    if isinstance(value, list | tuple):
+        return ", ".join(text(one) for one in value)
+    return escape(str(value))
+
+
+def table(section: Mapping[str, Any], rows: tuple[Row, ...]) -> str:
+    """The rows whose keys the section has; empty when there are none."""
+    lines = [
+        f"<tr><th>{row.name}</th><td>{_written(section[row.key], row.write)}</td></tr>"
+        for row in rows
+        if row.key in section
+    ]
+    return f"<table>{''.join(lines)}</table>" if lines else ""
+
+
+def _written(value: Any, write: Callable[[Any], str]) -> str:
+    if value is None or value == "":
+        return DASH
+    try:
+        return write(value)
+    except (TypeError, ValueError, OverflowError):
+        # Not what the row expects: better shown as it is than left out.
+        return escape(str(value))
+
+
+PART = (
+    Row("name", "part", text),
+    Row("triangles", "triangles", count),
+    Row("volume_mm3", "volume", quantity("mm³")),
+    Row("area_mm2", "surface area", quantity("mm²")),
+    Row("watertight", "watertight", yes_no),
+)
+MATERIAL = (
+    Row("name", "material", text),
+    Row("E_MPa", "Young's modulus", quantity("MPa")),
+    Row("nu", "Poisson's ratio", quantity("")),
+    Row("density_g_cm3", "density", quantity("g/cm³")),
+    Row("yield_MPa", "yield stress", quantity("MPa")),
+)
+TET_MESH = (
+    Row("element", "element", text),
+    Row("nodes", "nodes", count),
+    Row("tets", "tets", count),
+)
+STRESS = (
+    Row("load_cases", "load cases", text),
+    Row("max_von_mises_MPa", "largest von Mises stress", quantity("MPa")),
+    Row("max_displacement_mm", "largest displacement", quantity("mm")),
+    Row("compliance_Nmm", "compliance of the solid part", quantity("N mm")),
+    Row("reaction_N", "reaction of each case", quantity("N")),
+    Row("residual", "relative residual", quantity("", 2)),
+)
+WARP = (
+    Row("method", "method", text),
+    Row("nodes", "grid nodes", count),
+    Row("folded_cells", "folded cells", none_wanted),
+    Row("min_jacobian", "smallest Jacobian (Bézier bound)", quantity("", 3)),
+    Row("max_aspect", "largest aspect ratio", quantity("", 3)),
+    Row("min_edge", "shortest edge over the uniform one", quantity("", 3)),
+    Row("wanted_contrast", "largest over smallest wanted size", quantity("", 3)),
+    Row("size_slope", "slope of achieved over wanted size (log)", quantity("", 3)),
+    Row("size_correlation", "correlation of the two", quantity("", 3)),
+    Row("mean_angle_deg", "mean angle to the stress axes", quantity("°", 3)),
+    Row("iterations", "iterations", count),
+    Row("converged", "converged", yes_no),
+    Row("message", "remark", text),
+)
+STRUCTURE = (
+    Row("cell", "unit cell", text),
+    Row("cells", "cells", count),
+    Row("cells_mm", "uniform cell", quantity("mm", 3)),
+    Row("joints", "joints", count),
+    Row("struts", "struts", count),
+    Row("connected_components", "connected components", one_wanted),
+    Row("total_length_mm", "total strut length", quantity("mm")),
+)
+SIZING = (
+    Row("method", "method", text),
+    Row("compliance_before_Nmm", "compliance before (equal radii)", quantity("N mm")),
+    Row("compliance_after_Nmm", "compliance after", quantity("N mm")),
+    Row("volume_mm3", "lattice volume, overlaps counted once", quantity("mm³")),
+    Row("volume_fraction", "of the part's volume", percent),
+    Row("max_utilisation", "largest utilisation (stress over yield)", percent),
+    Row("min_radius_mm", "smallest radius", quantity("mm", 3)),
+    Row("max_radius_mm", "largest radius", quantity("mm", 3)),
+    Row("iterations", "iterations", count),
+    Row("converged", "converged", yes_no),
+    Row("message", "remark", text),
+)
+LATTICE = (
+    Row("watertight", "watertight", yes_no),
+    Row("triangles", "triangles", count),
+    Row("volume_mm3", "volume", quantity("mm³")),
+    Row("inside_mm3", "volume inside the part", quantity("mm³")),
+    Row("relative_density", "of the part's volume", percent),
+    Row("genus", "genus", count),
+)
+RESULT = (
+    Row("watertight", "watertight", yes_no),
+    Row("connected_components", "connected components", one_wanted),
+    Row("closed_voids", "closed voids", count),
+    Row("triangles", "triangles", count),
+    Row("volume_mm3", "volume", quantity("mm³")),
+    Row("mass_g", "mass", quantity("g")),
+    Row("relative_density", "volume over the part's", percent),
+    Row("skin_error_mm", "bound on the skin's error", quantity("mm", 2)),
+    Row("snapped_mm", "largest shift by rounding to float32", quantity("mm", 2)),
+)

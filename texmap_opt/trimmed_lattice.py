@@ -1,0 +1,49 @@
+"""The stage between warp and sizing: the unit cell mapped into the warped grid, trimmed to the part."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from texmap_opt.case import DesignCase
+from texmap_opt.cells.unit_cell import UnitCell
+from texmap_opt.part import Part
+from texmap_opt.region_reach import RegionReach
+from texmap_opt.stress_field import StressField
+from texmap_opt.structure.map import map_structure
+from texmap_opt.structure.trim import Trimmed, trim
+from texmap_opt.warp.hex_grid import HexGrid
+
+
+def trimmed_lattice(
+    case: DesignCase,
+    part: Part,
+    stress: StressField,
+    cell: UnitCell,
+    grid: HexGrid,
+    *,
+    radius_mm: float,
+) -> Trimmed:
+    """Fill a warped grid with a unit cell and keep what lies in the part.
+
+    Args:
+        case: skin, radius mode, section; regions that hold loose ends.
+        part: what is filled.
+        stress: analysis of the solid part; its mesh tells what regions select.
+        cell: the unit cell.
+        grid: the warped grid.
+        radius_mm: strut radius before sizing.
+
+    Raises:
+        LatticeError: nothing is left, or it falls into pieces.
+    """
+    lattice = case.lattice
+    net = map_structure(
+        cell, grid.nodes, radius_mm, radius_mode=lattice.radius_mode, section=lattice.section
+    )
+    thickest = float(net.radii.max())
+    regions = [action.region for action in (*case.supports, *case.loads) if action.region]
+
+    def in_region(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        reach = RegionReach.of(points, part, case, stress, thickest)
+        return np.any([reach.meets(region) for region in regions], axis=0)
+
+    return trim(net, part, attached_to_skin=lattice.skin_mm > 0, in_region=in_region)
