@@ -10,5 +10,3 @@ from texmap_opt.cells.catalogue import unit_cell as unit_cell
 from texmap_opt.errors import TexmapError as TexmapError
 from texmap_opt.pipeline import run as run
 from texmap_opt.run_result import Run as Run
-
-__all__ = ["DesignCase", "Run", "TexmapError", "cell_names", "run", "unit_cell"]

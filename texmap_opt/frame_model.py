@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 from scipy.spatial import KDTree
 
 import fea
@@ -213,9 +213,7 @@ def _joint_forces(
     loaded = np.flatnonzero(nodal.any(axis=1))
     forces = np.zeros((len(reach.joints), 6))
     points = reach.stress.mesh.nodes[loaded]
-    forces[reached] = carried_forces(
-        reach.joints[reached], points, nodal[loaded], lever=lever
-    )
+    forces[reached] = carried_forces(reach.joints[reached], points, nodal[loaded], lever=lever)
     return forces
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from texmap_opt.builtin_part import builtin_part
-from texmap_opt.errors import InputError
+from texmap_opt.errors import InputError, OutputError
 from texmap_opt.export.solid_file import Solid
 from texmap_opt.export.whole_file import whole_file
 
@@ -25,7 +25,7 @@ element = "tet10"               # quadratic tets; tet4 is faster and too stiff
 edge_mm = {edge:g}                   # target edge of the tets
 
 [[support]]                     # where the part is held
-region = {{ normal = {{ direction = [0, 0, -1] }}, plane = {{ point = [0, 0, {bottom:g}], normal = [0, 0, -1] }} }}
+region = {{ plane = {{ point = [0, 0, {bottom:g}], normal = [0, 0, -1] }} }}
 fix = ["x", "y", "z"]
 
 [[load]]                        # several loads with the same `case` act together
@@ -63,6 +63,10 @@ def write_starter(directory: Path) -> Path:
     for path in (case, part_file):
         if path.exists():
             raise InputError(f"{path}: is already there and would be lost; name another folder.")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as failure:
+        raise OutputError(f"{directory}: cannot be made ({failure.strerror}).") from failure
     part = builtin_part("bracket", {})
     low, high = part.bounds
     text = STARTER.format(edge=4.0, bottom=low[2], top=high[2], band=4.0, cell=7.0)

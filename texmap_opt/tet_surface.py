@@ -67,20 +67,23 @@ def fitted_to_surface(
         reach: how far the boundary may be from the surface [mm]; no node moves further than
             `REACHES_TO_EDGE` times this in one of `ROUNDS`.
     """
+    facets = TetMesh(nodes, tets).boundary_facets
+    # What tets must keep is measured by how they came, however many rounds follow.
+    least = LEAST_SHARE * np.stack([_volumes(nodes, tets), _quality(nodes, tets)])
     for _ in range(ROUNDS):
-        nodes = _moved_once(nodes, tets, surface, query, reach)
+        way = _way_to_surface(nodes, facets, surface, query, reach)
+        nodes = _as_far_as_tets_allow(nodes, tets, way, least)
     return nodes
 
 
-def _moved_once(
+def _way_to_surface(
     nodes: Float[np.ndarray, "nodes 3"],
-    tets: Int[np.ndarray, "cells 4"],
+    facets: Int[np.ndarray, "facets 3"],
     surface: TriMesh,
     query: SignedDistance,
     reach: float,
 ) -> Float[np.ndarray, "nodes 3"]:
-    """One round of `fitted_to_surface`."""
-    facets = TetMesh(nodes, tets).boundary_facets
+    """How each boundary node would have to move to be where it belongs [mm]."""
     boundary = np.unique(facets)
     goal = nodes.copy()
     _, _, goal[boundary] = query.unsigned(nodes[boundary])
@@ -90,21 +93,20 @@ def _moved_once(
     way = goal - nodes
     far = np.linalg.norm(way, axis=1) > REACHES_TO_EDGE * reach
     way[far] = 0
-    return _as_far_as_tets_allow(nodes, tets, way)
+    return way
 
 
 def _as_far_as_tets_allow(
     nodes: Float[np.ndarray, "nodes 3"],
     tets: Int[np.ndarray, "cells 4"],
     way: Float[np.ndarray, "nodes 3"],
+    least: Float[np.ndarray, "2 cells"],
 ) -> Float[np.ndarray, "nodes 3"]:
-    volume, quality = _volumes(nodes, tets), _quality(nodes, tets)
+    """Nodes moved, each so far that no tet falls below its least volume and quality."""
     share = np.where(way.any(axis=1), 1.0, 0.0)
     moved = nodes + way
     for halving in itertools.count(1):
-        bad = (_volumes(moved, tets) < LEAST_SHARE * volume) | (
-            _quality(moved, tets) < LEAST_SHARE * quality
-        )
+        bad = (_volumes(moved, tets) < least[0]) | (_quality(moved, tets) < least[1])
         # A tet whose nodes all stay is as it was, good or bad.
         bad &= (share[tets] > 0).any(axis=1)
         if not bad.any():
@@ -146,7 +148,7 @@ def _pull_to_edges(
     if len(corners):
         away, node = KDTree(nodes[on_edge]).query(corners)
         near = away <= reach
-        goal[on_edge[node[near]]] = corners[near]
+        goal[on_edge[np.asarray(node)[near]]] = corners[near]
 
 
 def _corners(

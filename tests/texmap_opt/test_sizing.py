@@ -75,7 +75,7 @@ def test_sizing_lowers_compliance_and_keeps_volume_and_bounds(method):
     sized = method.size(model, SizingLimits())
     assert sized.compliance_after < 0.7 * sized.compliance_before
     np.testing.assert_allclose(sized.compliance_after, sized.solution.compliance.sum(), rtol=1e-12)
-    np.testing.assert_allclose(sized.volume, lattice_volume(model.structure), rtol=1e-6)
+    np.testing.assert_allclose(sized.volume, lattice_volume(model.structure), rtol=2e-6)
     np.testing.assert_allclose(lattice_volume(sized.structure), sized.volume, rtol=1e-12)
     assert sized.min_radius >= 0.4 * 0.35 * (1 - 1e-6)
     assert sized.max_radius <= max(2.5 * 0.35, 0.2 * 5 / np.sqrt(2)) * (1 + 1e-6)
@@ -107,7 +107,7 @@ def test_a_symmetric_problem_has_a_symmetric_answer():
     twin = [place[frozenset(pair)] for pair in image[struts].tolist()]
     radius = sized.structure.radii[:, 0]
     # The quadrature of the volume has the symmetry too, so only rounding is left.
-    np.testing.assert_allclose(radius[twin], radius, rtol=1e-6)
+    np.testing.assert_allclose(radius[twin], radius, rtol=2e-6)
 
 
 def truss(loads=(300.0, 100.0, 50.0)) -> FrameModel:
@@ -180,7 +180,7 @@ def test_volume_can_be_chosen_and_equal_radii_of_it_are_the_yardstick():
     model = cantilever()
     volume = 0.6 * lattice_volume(model.structure)
     sized = OptimalityCriteria(iterations=5).size(model, SizingLimits(volume=volume))
-    np.testing.assert_allclose(sized.volume, volume, rtol=1e-6)
+    np.testing.assert_allclose(sized.volume, volume, rtol=2e-6)
     problem = SizingProblem.of(model, SizingLimits(volume=volume))
     np.testing.assert_allclose(sized.compliance_before, problem.before().compliance, rtol=1e-10)
     assert problem.uniform < 0.35

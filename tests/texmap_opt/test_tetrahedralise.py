@@ -38,9 +38,9 @@ def test_boundary_nodes_lie_on_the_surface(bar, mesh):
     boundary = np.unique(mesh.boundary_facets)
     distance, _, _ = bar.signed_distance.unsigned(mesh.nodes[boundary])
     assert np.quantile(distance, 0.95) < 1e-9 and distance.max() < 1e-3 * bar.diagonal
-    # So the clamped end is the whole face.
+    # So the clamped end is the whole face, but for a facet that may cut its rim by the envelope.
     end = np.isclose(mesh.facet_centroids[:, 0], 0, atol=1e-3)
-    assert mesh.facet_areas[end].sum() == pytest.approx(400, rel=1e-4)
+    assert mesh.facet_areas[end].sum() == pytest.approx(400, rel=5e-3)
 
 
 def test_tet10_has_the_same_volume_and_middle_nodes(bar):
@@ -60,14 +60,12 @@ def test_a_curved_part_keeps_its_volume_within_the_envelope():
     assert np.quantile(distance, 0.95) < 1e-9
 
 
-def test_nothing_is_left_in_the_working_directory(bar, tmp_path, monkeypatch):
+def test_the_child_is_quiet_and_leaves_nothing_in_the_working_directory(
+    bar, tmp_path, monkeypatch, capfd
+):
     monkeypatch.chdir(tmp_path)
     tetrahedralise(bar, edge_mm=12.0, element="tet4")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_child_is_quiet(bar, capfd):
-    tetrahedralise(bar, edge_mm=12.0, element="tet4")
     assert capfd.readouterr() == ("", "")
 
 

@@ -59,7 +59,9 @@ def zero_level(mesh: TetLattice, good: float) -> Level:
         return Level(TriMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64)), crossed, crossed)
     corner_table, face_table = _cases()
     corners, normals, corner_of = _edge_points(mesh, tets, corner_table[case])
-    middle_points, face_of = _face_points(mesh, crossed, face_table[case], corner_of, (corners, normals), good)
+    middle_points, face_of = _face_points(
+        mesh, crossed, face_table[case], corner_of, (corners, normals), good
+    )
     face_of = np.where(face_of >= 0, face_of + len(corners), -1)
     points = np.concatenate([corners, middle_points])
     centres, fanned = _centres(mesh, crossed, (points, normals), (corner_of, face_of), good)
@@ -166,8 +168,12 @@ def _face_points(
     chosen = first[bent]
     triangle = mesh.points[tets[row[chosen, None], corners[lacking[row[chosen], place[chosen]]]]]
     middle = (points[p] + points[q]) / 2
-    crease, shares = _meet_in_plane(triangle, middle, (points[p], normals[p]), (points[q], normals[q]))
-    accepted = (shares > INSIDE).all(axis=1) & _nearer(mesh, numbers[row[chosen]], crease, middle, good)
+    crease, shares = _meet_in_plane(
+        triangle, middle, (points[p], normals[p]), (points[q], normals[q])
+    )
+    accepted = (shares > INSIDE).all(axis=1) & _nearer(
+        mesh, numbers[row[chosen]], crease, middle, good
+    )
     number = np.full(len(first), -1)
     number[bent[accepted]] = np.arange(int(accepted.sum()))
     face_of = np.full(lacking.shape, -1)

@@ -12,7 +12,13 @@ from jaxtyping import Float
 
 from texmap_opt.combine import boolean
 from texmap_opt.combine.marching_tets import zero_level
-from texmap_opt.combine.tet_lattice import EDGES, AbstractField, TetLattice, bisected, coarse_lattice
+from texmap_opt.combine.tet_lattice import (
+    EDGES,
+    AbstractField,
+    TetLattice,
+    bisected,
+    coarse_lattice,
+)
 from texmap_opt.errors import SolidError
 from texmap_opt.signed_distance import SignedDistance
 from texmap_opt.solid.tri_mesh import TriMesh

@@ -119,7 +119,10 @@ def coarse_lattice(
     size = 1.0618034 * extent / 2**levels
     # Start from the octree's level of 4 cubes and divide: coarser ones meet the level nearly always.
     level = min(2, levels)
-    counts = [int(np.ceil(side / (size * 2 ** (levels - level)))) for side in np.ptp(bounds, axis=0) * 1.06]
+    counts = [
+        int(np.ceil(side / (size * 2 ** (levels - level))))
+        for side in np.ptp(bounds, axis=0) * 1.06
+    ]
     cubes = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), -1).reshape(-1, 3)
     lowest = np.inf
     while True:
@@ -160,7 +163,10 @@ def _kuhn(field: AbstractField, origin: np.ndarray, size: float, cubes: np.ndarr
     """Six tetrahedra a cube, along the paths from its lowest to its highest corner."""
     unit = 2**DEPTH
     paths = np.array(
-        [np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(p)]], axis=0) for p in permutations(range(3))]
+        [
+            np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(p)]], axis=0)
+            for p in permutations(range(3))
+        ]
     )
     corners = unit * (cubes[:, None, None] + paths).reshape(-1, 3)
     keys, index = np.unique(_keys(corners), return_inverse=True)

@@ -47,9 +47,7 @@ def _lattice(structure: Structure) -> Iterator[str]:
         f'<b:beamlattice radius="{typical:.9g}" minlength="{MIN_LENGTH:.9f}" cap="butt" '
         f'b2:ballmode="all" b2:ballradius="{typical:.9g}">\n<b:beams>\n'
     )
-    yield from rows_text(
-        '<b:beam v1="%d" v2="%d" r1="%.9g" r2="%.9g"/>\n', struts, structure.radii
-    )
+    yield from rows_text('<b:beam v1="%d" v2="%d" r1="%.9g" r2="%.9g"/>\n', struts, structure.radii)
     yield "</b:beams>\n<b2:balls>\n"
     yield from rows_text('<b2:ball vindex="%d" r="%.9g"/>\n', np.arange(len(joints)), ball)
     yield "</b2:balls>\n</b:beamlattice>\n"

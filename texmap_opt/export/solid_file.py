@@ -36,5 +36,7 @@ class Solid:
         writer = WRITERS.get(path.suffix.lower())
         if writer is None:
             known = " or ".join(WRITERS)
-            raise InputError(f'{path}: the ending "{path.suffix}" is not {known}; choose one of them.')
+            raise InputError(
+                f'{path}: the ending "{path.suffix}" is not {known}; choose one of them.'
+            )
         writer(path, self.surface)

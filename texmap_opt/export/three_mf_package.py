@@ -90,7 +90,9 @@ def rows_text(pattern: str, *columns: np.ndarray) -> Iterator[str]:
     """One line a row, many rows at a time: the pattern filled in with the row's numbers."""
     count = len(columns[0])
     for start in range(0, count, ROWS_PER_CHUNK):
-        parts = [column[start : start + ROWS_PER_CHUNK].reshape(-1, _width(column)) for column in columns]
+        parts = [
+            column[start : start + ROWS_PER_CHUNK].reshape(-1, _width(column)) for column in columns
+        ]
         rows = len(parts[0])
         # Interleaved as Python numbers: whole ones must stay whole for %d.
         lists = [part.tolist() for part in parts]

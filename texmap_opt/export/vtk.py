@@ -122,7 +122,12 @@ def write_struts(
 
 
 def _write_unstructured(
-    path: Path, points: np.ndarray, cells: tuple[np.ndarray, int], *, point_data: Data, cell_data: Data
+    path: Path,
+    points: np.ndarray,
+    cells: tuple[np.ndarray, int],
+    *,
+    point_data: Data,
+    cell_data: Data,
 ) -> None:
     corners, kind = cells
     count, width = corners.shape

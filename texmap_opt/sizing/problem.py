@@ -25,7 +25,7 @@ MOST_SHARE = 2.5
 STOUTEST = 0.2
 
 # Relative accuracy of the volume of the sized structure, and the most secant steps towards it.
-VOLUME_RTOL = 1e-8
+VOLUME_RTOL = 1e-6
 MAX_STEPS = 30
 
 

@@ -29,7 +29,9 @@ def test_union_and_intersection_share_the_volumes(x, y, z):
     common = boolean.intersection(BOX, ball).volume
     either = boolean.union([BOX, ball]).volume
     np.testing.assert_allclose(either + common, BOX.volume + ball.volume, rtol=1e-12)
-    np.testing.assert_allclose(boolean.difference(BOX, ball).volume + common, BOX.volume, rtol=1e-12)
+    np.testing.assert_allclose(
+        boolean.difference(BOX, ball).volume + common, BOX.volume, rtol=1e-12
+    )
     np.testing.assert_allclose(boolean.overlap_volume([BOX, ball]), common, atol=1e-10)
 
 

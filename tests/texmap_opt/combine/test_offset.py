@@ -62,14 +62,18 @@ def test_depth_is_right_everywhere_also_at_a_concave_edge():
     offset = offset_inward(part, 1.5, 0.05)
     assert offset.surface is not None
     faces = offset.surface.vertices[offset.surface.faces]
-    depth, _, _ = SignedDistance(part)(np.concatenate([faces.mean(axis=1), offset.surface.vertices]))
+    depth, _, _ = SignedDistance(part)(
+        np.concatenate([faces.mean(axis=1), offset.surface.vertices])
+    )
     np.testing.assert_allclose(depth, -1.5, atol=0.05)
 
 
 def test_a_thin_wall_becomes_solid_and_is_counted():
     """A 1 mm fin, 10 x 10, on a 10 mm cube: 100 of 1100 mm³ have no room for a 1 mm skin."""
     cube = trimesh.creation.box((10, 10, 10))
-    fin = trimesh.creation.box((10.02, 1, 10), trimesh.transformations.translation_matrix([10, 0, 0]))
+    fin = trimesh.creation.box(
+        (10.02, 1, 10), trimesh.transformations.translation_matrix([10, 0, 0])
+    )
     part = surface(trimesh.boolean.union([cube, fin], engine="manifold"))
     offset = offset_inward(part, 1.0, 0.05)
     assert offset.surface is not None

@@ -73,7 +73,9 @@ def test_beam_lattice_has_every_strut_with_both_radii_and_a_ball_at_every_used_j
     np.testing.assert_array_equal(vertices, bow.joints[[0, 2, 3]])
     beams = list(root.iter(f"{{{BEAMS}}}beam"))
     assert [(int(b.get("v1")), int(b.get("v2"))) for b in beams] == [(0, 1), (2, 1)]
-    np.testing.assert_array_equal([[float(b.get("r1")), float(b.get("r2"))] for b in beams], bow.radii)
+    np.testing.assert_array_equal(
+        [[float(b.get("r1")), float(b.get("r2"))] for b in beams], bow.radii
+    )
     balls = [float(b.get("r")) for b in root.iter(f"{{{BALLS}}}ball")]
     np.testing.assert_array_equal(balls, [0.5, 0.4, 0.3])
     (lattice,) = root.iter(f"{{{BEAMS}}}beamlattice")

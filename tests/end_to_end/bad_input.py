@@ -1,0 +1,176 @@
+"""Every kind of bad input with the command that meets it; run it to print what the program says.
+
+`python3 tests/end_to_end/bad_input.py > docs/bad-input.md`
+"""
+
+import contextlib
+import io
+import re
+import struct
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+BOX = np.array([[x, y, z] for x in (0, 40) for y in (0, 20) for z in (0, 20)], float)
+FACES = np.array(
+    [
+        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+    ]
+)  # fmt: skip
+
+CASE = """
+[part]
+file = "box.stl"
+[material]
+name = "PA12"
+[analysis]
+element = "tet4"
+edge_mm = 6.0
+[[support]]
+region = { plane = { point = [0, 0, 0], normal = [1, 0, 0] } }
+[[load]]
+region = { plane = { point = [40, 0, 0], normal = [1, 0, 0] } }
+force_N = [0, 0, -10]
+[lattice]
+cell = "bcc"
+cell_mm = 10.0
+skin_mm = 1.0
+radius_mm = 0.8
+[warp]
+method = "uniform"
+[output]
+tolerance_mm = 0.1
+pictures = false
+"""
+
+
+@dataclass(frozen=True)
+class BadInput:
+    """One fault.
+
+    Attributes:
+        name: what is wrong, in a few words.
+        change: turns the sound case into the faulty one.
+        part: writes the part's file; None: the sound box.
+        code: exit code of the contract: 2 for bad input, 1 where computing revealed it.
+        says: what the message must contain.
+    """
+
+    name: str
+    change: tuple[str, str] = ("", "")
+    part: Callable[[Path], object] | None = None
+    code: int = 2
+    says: tuple[str, ...] = ()
+
+
+def write_stl(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """A binary STL without a check of any kind."""
+    with path.open("wb") as file:
+        file.write(b"test".ljust(80) + struct.pack("<I", len(faces)))
+        for corners in vertices[faces]:
+            file.write(struct.pack("<12fH", 0, 0, 0, *corners.reshape(-1), 0))
+
+
+def _box(vertices: np.ndarray = BOX, faces: np.ndarray = FACES) -> Callable[[Path], object]:
+    return lambda path: write_stl(path, vertices, faces)
+
+
+def _two(shift: tuple[float, float, float]) -> Callable[[Path], object]:
+    both = np.concatenate([BOX, BOX + np.array(shift)])
+    return lambda path: write_stl(path, both, np.concatenate([FACES, FACES + 8]))
+
+
+def _nan() -> Callable[[Path], object]:
+    spoilt = BOX.copy()
+    spoilt[0, 0] = np.nan
+    return _box(spoilt)
+
+
+BAD_INPUTS = (
+    BadInput("file that is not there", ('"box.stl"', '"bax.stl"'), says=("bax.stl", "no such file")),
+    BadInput("empty file", part=lambda path: path.write_bytes(b""), says=("box.stl", "empty")),
+    BadInput("open surface", part=_box(faces=FACES[2:]), says=("box.stl", "open")),
+    BadInput("NaN coordinates", part=_nan(), says=("box.stl", "not finite")),
+    BadInput("two solids", part=_two((100, 0, 0)), says=("box.stl", "2 solids", "solid = 1")),
+    BadInput("self-intersecting", part=_two((30, 7, 3)), says=("box.stl", "cross")),
+    BadInput("region that selects nothing", ("[40, 0, 0]", "[50, 0, 0]"), says=("[[load]] 1", "nothing")),
+    BadInput(
+        "no supports",
+        ("[[support]]\nregion = { plane = { point = [0, 0, 0], normal = [1, 0, 0] } }\n", ""),
+        says=("[[support]]",),
+    ),
+    BadInput(
+        "supports that leave a rigid motion",
+        ("normal = [1, 0, 0] } }\n[[load]]", 'normal = [1, 0, 0] } }\nfix = ["x"]\n[[load]]'),
+        says=("[[support]]", "slides"),
+    ),
+    BadInput("load on nothing but held nodes", ("[40, 0, 0]", "[0, 0, 0]"), says=("held",)),
+    BadInput("load of zero", ("[0, 0, -10]", "[0, 0, 0]"), says=("force_N", "zero")),
+    BadInput("unknown cell", ('"bcc"', '"bbc"'), says=("bbc", '"bcc"')),
+    BadInput("unknown key", ("skin_mm", "skn_mm"), says=("skn_mm", '"skin_mm"')),
+    BadInput("unknown section", ("[warp]", "[wrap]"), says=("wrap", '"warp"')),
+    BadInput("unknown method", ('"uniform"', '"unifrm"'), says=("unifrm", '"uniform"')),
+    BadInput("unknown material", ('"PA12"', '"PA13"'), says=("PA13", "PA12")),
+    BadInput("cells larger than the part", ("cell_mm = 10.0", "cell_mm = 50"), says=("cell_mm", "larger")),
+    BadInput("radius that fills the cells", ("radius_mm = 0.8", "radius_mm = 6"), says=("radius_mm", "fills")),
+    BadInput("radius too thin to print", ("radius_mm = 0.8", "radius_mm = 0.01"), says=("radius_mm", "print")),
+    BadInput("skin thicker than the part", ("skin_mm = 1.0", "skin_mm = 11"), code=1, says=("skin_mm", "no room")),
+    BadInput("negative number", ("skin_mm = 1.0", "skin_mm = -1"), says=("skin_mm = -1", "at least 0")),
+    BadInput("zero where none may be", ("edge_mm = 6.0", "edge_mm = 0"), says=("edge_mm = 0", "above 0")),
+    BadInput("wrong type", ("cell_mm = 10.0", 'cell_mm = "10"'), says=("cell_mm", "number")),
+    BadInput("bounds in the wrong order", ("[output]", "[sizing]\nmin_radius_mm = 2\nmax_radius_mm = 1\n[output]"), says=("min_radius_mm", "max_radius_mm")),
+    BadInput("sizing of holes", ("radius_mm = 0.8", "radius_mm = 0.8\nkind = \"plate\"\n[sizing]\nmethod = \"mma\""), says=("plate", "none")),
+    BadInput("not TOML", ("[lattice]", "[lattice"), says=("TOML",)),
+    BadInput("volume out of reach", ("[output]", "[sizing]\nvolume_fraction = 0.3\nmax_radius_mm = 0.9\n[output]"), code=1, says=("reach",)),
+    BadInput(
+        "alignment, which comes later", ('"uniform"', '"uniform"\nalignment = 1.0'), says=("alignment",)
+    ),
+)  # fmt: skip
+
+
+def run_bad_input(bad: BadInput, folder: Path) -> tuple[int, str, list[str]]:
+    """Exit code, message, and files left behind by `texmap run` on a faulty case."""
+    from texmap_opt.cli import main
+
+    old, new = bad.change
+    if old not in CASE:
+        raise ValueError(f"{bad.name}: the sound case has no {old!r}")
+    (folder / "case.toml").write_text(CASE.replace(old, new, 1) if old else CASE)
+    (bad.part or _box())(folder / "box.stl")
+    said = io.StringIO()
+    code = 0
+    with contextlib.redirect_stderr(said):
+        try:
+            main(
+                ["run", str(folder / "case.toml"), "--out", str(folder / "out"), "--quiet", "--no-cache"]
+            )
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    left = sorted(p.name for p in folder.iterdir() if p.name not in {"case.toml", "box.stl"})
+    return code, said.getvalue().strip().replace(str(folder), "DIR"), left
+
+
+def table() -> str:
+    """Every fault with its exit code and the exact message, as Markdown."""
+    lines = [
+        "# What the program says to bad input\n",
+        "Written by `python3 tests/end_to_end/bad_input.py > docs/bad-input.md`; a test checks each of",
+        "them. `DIR` is the case's folder. Nothing is left behind in the output folder.\n",
+        "| fault | exit code | message |",
+        "|---|---|---|",
+    ]
+    for bad in BAD_INPUTS:
+        with tempfile.TemporaryDirectory() as folder:
+            code, message, _ = run_bad_input(bad, Path(folder))
+        shown = re.sub(r"\s+", " ", message).replace("|", "\\|")
+        lines.append(f"| {bad.name} | {code} | {shown} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(table())
