@@ -12,6 +12,8 @@ from texmap_opt import progress
 from texmap_opt.cache import DEFAULT_LIMIT_MB, StageCache
 from texmap_opt.errors import InputError, TexmapError
 
+# Limit of the compiled code that is kept; a run needs about 20 MB.
+COMPILED_BYTES = 200_000_000
 INTERRUPTED = 130  # 128 + SIGINT, the shell's custom
 
 
@@ -19,6 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script; ends the process with the contract's exit code."""
     jax.config.update("jax_enable_x64", True)
     options = _parser().parse_args(arguments)
+    _keep_compiled_code()
     try:
         code = options.command(options)
     except TexmapError as failure:
@@ -36,6 +39,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         code = 0
     sys.exit(code)
+
+
+def _keep_compiled_code() -> None:
+    """Let JAX keep what it compiled beside the stages' cache: the next run starts seconds sooner."""
+    directory = StageCache.default().directory
+    if directory is not None and not jax.config.jax_compilation_cache_dir:  # pyright: ignore[reportAttributeAccessIssue]
+        jax.config.update("jax_compilation_cache_dir", str(directory / "compiled"))
+        jax.config.update("jax_compilation_cache_max_size", COMPILED_BYTES)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 def _parser() -> argparse.ArgumentParser:

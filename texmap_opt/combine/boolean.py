@@ -62,9 +62,8 @@ def split_by_plane(
 ) -> tuple[TriMesh, TriMesh]:
     """The parts of a solid in front of and behind the plane `normal . x = offset`, both closed."""
     length = float(np.linalg.norm(normal))
-    front, back = _manifold(surface).split_by_plane(
-        tuple(float(c) / length for c in normal), offset / length
-    )
+    x, y, z = (float(c) / length for c in normal)
+    front, back = _manifold(surface).split_by_plane((x, y, z), offset / length)
     return _surface(front), _surface(back)
 
 

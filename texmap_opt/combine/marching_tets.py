@@ -119,6 +119,7 @@ def _edge_points(
     a, b = ends[first].T
     points = mesh.points
     start, along = points[a], points[b] - points[a]
+    normal = np.zeros_like(start)
     lower = np.where(mesh.values[a] < mesh.values[b], a, b)
     low, high = np.zeros(len(keys)), np.ones(len(keys))
     f_low, f_high = mesh.values[a].copy(), mesh.values[b].copy()
@@ -231,7 +232,7 @@ def _centres(
     A, there = n[chosen], present[chosen]
     b = np.where(there, A * (points[corner_of[chosen]] - mean[:, None]), 0.0).sum(axis=2)
     U, S, Vt = np.linalg.svd(A, full_matrices=False)
-    inverse = np.where(S > CREASE * S[:, :1], 1 / np.maximum(S, 1e-300), 0.0)
+    inverse = np.where(S / S[:, :1] > CREASE, 1 / np.maximum(S, 1e-300), 0.0)
     along = np.einsum("cks,ck->cs", U, b) * inverse  # piece, tangent plane, singular direction
     corner = mean + np.einsum("csx,cs->cx", Vt, along)
     x = mesh.points[tets[chosen]]

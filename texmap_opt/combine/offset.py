@@ -184,6 +184,7 @@ def _hiding(mesh: TetLattice, tolerance: float) -> np.ndarray:
 
 def _simplified(field: _DepthField, level: TriMesh, tolerance: float) -> tuple[TriMesh, float]:
     """The level with fewer triangles while it stays within the tolerance, and its error [mm]."""
+    error = np.inf
     for share in (SIMPLIFY_SHARE, SIMPLIFY_SHARE / 4, SIMPLIFY_SHARE / 64):
         result = boolean.simplified(level, share * tolerance)
         if len(result.faces):

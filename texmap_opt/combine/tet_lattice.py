@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 DEPTH = 10
 # Bits a lattice coordinate has in the key of a vertex.
 _KEY_BITS = 21
-# Rows are the lattice's axes: turned by 0.35, 0.52 and 0.83 rad about x, y and z. Walls and edges of
-# parts are often along coordinate axes; a crease along a row of lattice edges, just beside them,
-# would have to be divided all the way to the tolerance.
+# Rows are the lattice's axes: turned by 0.35, 0.52 and 0.83 rad about x, y and z. Walls and edges
+# of parts are often along coordinate axes; a crease along a row of lattice edges, just beside
+# them, would have to be divided all the way to the tolerance.
 _TURN = Rotation.from_euler("xyz", [0.35, 0.52, 0.83]).as_matrix()
 EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 
@@ -117,7 +117,7 @@ def coarse_lattice(
     # numbers, then do not lie on lattice planes.
     origin = bounds[0] - 0.0271828 * extent
     size = 1.0618034 * extent / 2**levels
-    # Start from the octree's level of 4 cubes and divide: coarser ones meet the level nearly always.
+    # Start from 4 cubes along the longest side: coarser ones nearly always meet the level.
     level = min(2, levels)
     counts = [
         int(np.ceil(side / (size * 2 ** (levels - level))))

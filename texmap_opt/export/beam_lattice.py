@@ -29,7 +29,8 @@ def write_beam_lattice(path: Path, structure: Structure) -> None:
     """
     if structure.section != "round":
         raise OutputError(
-            f'{path}: the 3MF beam lattice knows round struts only, these are "{structure.section}".'
+            f"{path}: the 3MF beam lattice knows round struts only, these are "
+            f'"{structure.section}". Use section = "round".'
         )
     attributes = f' xmlns:b="{BEAMS}" xmlns:b2="{BALLS}" requiredextensions="b b2"'
     write_package(path, model_text(_lattice(structure), attributes=attributes, name="lattice"))

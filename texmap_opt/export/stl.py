@@ -18,8 +18,8 @@ TRIANGLE = np.dtype(
 def write_stl(path: Path, surface: TriMesh) -> None:
     """Writes a surface.
 
-    Vertices are rounded to float32: pass what `float32_solid.printable_mesh` returns, for which that
-    changes nothing.
+    Vertices are rounded to float32: pass what `float32_solid.printable_mesh` returns, for which
+    that changes nothing.
 
     Raises:
         OutputError: when the file cannot be written.

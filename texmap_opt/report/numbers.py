@@ -108,6 +108,7 @@ def _warp(run: Run) -> dict[str, Any]:
         "max_aspect": quality.max_aspect,
         "min_edge": quality.min_edge,
         "mean_angle_deg": quality.mean_angle_deg,
+        "mean_misalignment_deg": quality.mean_misalignment_deg,
         "size_slope": quality.size_slope,
         "size_correlation": quality.size_correlation,
         "wanted_contrast": float(warp.wanted_size.max() / warp.wanted_size.min()),

@@ -99,7 +99,7 @@ def _collapsed(rounded: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _cancelled(faces: np.ndarray) -> np.ndarray:
-    """Faces without pairs of the same three vertices and opposite sense (a sheet of no thickness)."""
+    """Faces without pairs of the same three vertices and opposite sense: sheets of no thickness."""
     if not len(faces):
         return faces
     order = np.sort(faces, axis=1)

@@ -41,8 +41,8 @@ class UnitBall:
 def ball_within(segments: int) -> UnitBall:
     """The ball as fine as a strut of `segments` sides: the next multiple of four, at least 12.
 
-    With 8 facets around, the sphere that contains a strut's end is 15 % thicker than the strut; with
-    12 it is 8 % (8 sides) or 5 % (12 sides).
+    With 8 facets around, the sphere that contains a strut's end is 15 % thicker than the strut;
+    with 12 it is 9 % (8 sides) or 5 % (12 sides).
     """
     return UnitBall(max(12, 4 * -(-segments // 4)))
 

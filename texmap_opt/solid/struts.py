@@ -16,8 +16,8 @@ def segments_within(tolerance: float, radius: float) -> int:
     """Segments of a polygon whose distance to the circle of equal area is at most `tolerance`.
 
     The corners stand out by r (k - 1) and the sides lie within by r (1 - k cos(pi/n)), k =
-    `circumradius_of_equal_area`; the former is the larger. At least 8 (6.5 % of the radius off at 7)
-    and at most 24, beyond which triangles grow and nothing printed shows it.
+    `circumradius_of_equal_area`; the former is the larger. At least 8 (5 % of the radius) and at
+    most 24 (0.6 %), beyond which triangles multiply and nothing printed shows it.
 
     Args:
         tolerance: largest distance [mm].

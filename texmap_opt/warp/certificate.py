@@ -69,7 +69,7 @@ def bezier_coefficients(det: Float[Array, "3 3 3 *cells"]) -> Float[Array, "3 3 
     The eight outer ones are det J at the corners.
 
     Source: Johnen, Weill, Remacle, "Robust and efficient validation of the linear hexahedral
-    element", Procedia Engineering 203 (2017) 271-283, section 2.
+    element", Procedia Engineering 203 (2017).
     """
     M = jnp.asarray(_TO_BEZIER)
     for _ in range(3):

@@ -26,8 +26,7 @@ CORNERS = 8
 # as much as a strain of 1e-3 in one cell.
 TIKHONOV = 1e-6
 
-# Steps L-BFGS remembers. The change of variables leaves a condition number of about 10; more
-# history costs memory (two grids each) and saves no steps.
+# Steps L-BFGS remembers; each costs the memory of two grids.
 HISTORY = 10
 
 # Converged means: what another step could gain is below this part of the objective.

@@ -22,9 +22,9 @@ METHODS: dict[str, AbstractWarp] = {
     "least-squares": LeastSquares(),
 }
 
-# Standard deviation of the smoothing in edges of a uniform cell: the least that a grid of such
-# cells can follow.
-SMOOTHING_CELLS = 0.5
+# Standard deviation of the smoothing in edges of a uniform cell. Half an edge is the least that a
+# grid of such cells can follow; with a whole one the solver needs half the steps.
+SMOOTHING_CELLS = 1.0
 
 
 @dataclass(frozen=True, eq=False)

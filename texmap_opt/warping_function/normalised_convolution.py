@@ -28,7 +28,7 @@ def normalised_convolution(
     distance (Shepard's weights) where there are none. So the average smooths inside the part,
     extends smoothly outside it, and never leaves the range of the samples.
 
-    Sources: Knutsson and Westin, "Normalized and differential convolution", CVPR 1993, eq. 3;
+    Sources: Knutsson and Westin, "Normalized and differential convolution", CVPR 1993;
     Shepard, "A two-dimensional interpolation function for irregularly-spaced data", ACM 1968.
 
     Args:

@@ -41,7 +41,7 @@ def test_the_offset_of_a_ball_is_the_smaller_ball():
     offset = offset_inward(ball, 2.0, 0.05)
     assert offset.surface is not None
     radii = np.linalg.norm(offset.surface.vertices, axis=1)
-    assert 8.0 - 0.1 < radii.min()
+    assert radii.min() > 8.0 - 0.1
     assert radii.max() < 8.0 + 0.05
     np.testing.assert_allclose(offset.surface.volume, 4 / 3 * np.pi * 8**3, rtol=0.015)
 
@@ -83,7 +83,7 @@ def test_a_thin_wall_becomes_solid_and_is_counted():
 
 
 def test_a_sheet_just_thicker_than_two_skins_keeps_its_thin_hollow():
-    """0.3 mm of hollow between two skins, a fifth of the coarse lattice's cubes: found, not lost."""
+    """0.3 mm of hollow between two skins, a fifth of a coarse cube: found, not lost."""
     plate = surface(trimesh.creation.box((20, 20, 2.3)))
     offset = offset_inward(plate, 1.0, 0.05)
     assert offset.surface is not None

@@ -93,9 +93,14 @@ def test_beam_lattice_refuses_square_struts(tmp_path, bow):
 def test_a_failing_writer_leaves_the_old_file_and_nothing_else(tmp_path):
     target = tmp_path / "report.json"
     target.write_bytes(b"old")
-    with pytest.raises(KeyboardInterrupt), whole_file(target) as file:
-        file.write(b"half")
-        raise KeyboardInterrupt
+
+    def interrupted() -> None:
+        with whole_file(target) as file:
+            file.write(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
     assert target.read_bytes() == b"old"
     with whole_file(target) as file:

@@ -56,14 +56,14 @@ def test_a_single_strut_has_the_volume_of_cylinder_and_end_balls():
 
 
 def test_a_tapered_strut_has_the_volume_of_a_frustum():
-    """pi L (a² + a b + b²)/3; every cross-section has the circle's area, so it is exact."""
+    """Volume pi L (a² + a b + b²)/3; every cross-section has the circle's area, so it is exact."""
     start, end = np.array([[0.0, 0, 0]]), np.array([[2.0, 3, 6]])
     (strut,) = lofts(start, end, np.array([[0.5, 0.2]]), round_ring(9), turned=True)
     np.testing.assert_allclose(strut.volume, np.pi * 7 * (0.25 + 0.1 + 0.04) / 3, rtol=1e-12)
 
 
 def test_two_crossing_struts_meet_in_a_steinmetz_solid():
-    """Two cylinders at right angles share 16 r³/3 (Archimedes); 24-gons of equal area within 1 %."""
+    """Two cylinders at right angles share 16 r³/3 (Archimedes); 24-gons within 1 %."""
     r = 1.0
     start, end = np.array([[-5.0, 0, 0], [0, -5, 0]]), np.array([[5.0, 0, 0], [0, 5, 0]])
     pieces = lofts(start, end, np.full((2, 2), r), round_ring(24), turned=True)
