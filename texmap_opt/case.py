@@ -26,6 +26,7 @@ from texmap_opt.case_table import number, read_section
 from texmap_opt.errors import CaseError, nearest_name
 from texmap_opt.region import AbstractRegion, region_from_table
 
+
 @dataclass(frozen=True)
 class Support:
     """A support with its region understood."""

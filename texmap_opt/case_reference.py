@@ -26,7 +26,17 @@ def case_reference() -> str:
         "load": "[[load]]",
     }
     sections = dict(SECTIONS)
-    order = ["part", "material", "analysis", "support", "load", "lattice", "warp", "sizing", "output"]
+    order = [
+        "part",
+        "material",
+        "analysis",
+        "support",
+        "load",
+        "lattice",
+        "warp",
+        "sizing",
+        "output",
+    ]
     sections |= {"support": SupportSection, "load": LoadSection}
     for name in order:
         section = sections[name]
@@ -47,7 +57,9 @@ def _table(section: type) -> str:
             continue
         kind, doc = declared.metadata["kind"], declared.metadata["doc"]
         default = declared.default
-        shown = "required" if default is MISSING else "" if default is None else f"`{_toml(default)}`"
+        shown = (
+            "required" if default is MISSING else "" if default is None else f"`{_toml(default)}`"
+        )
         later = f" *{declared.metadata['later']}*" if declared.metadata["later"] else ""
         rows.append(f"| `{declared.name}` | {kind.name} | {shown} | {doc}{later} |")
     return "| key | value | default | meaning |\n|---|---|---|---|\n" + "\n".join(rows)

@@ -16,13 +16,17 @@ TONNE_PER_MM3 = 1e-9
 class PartSection:
     """`[part]`: the surface to fill."""
 
-    file: str | None = key(text(), "STL, OBJ, PLY or 3MF file, relative to the case file", default=None)
+    file: str | None = key(
+        text(), "STL, OBJ, PLY or 3MF file, relative to the case file", default=None
+    )
     builtin: str | None = key(
         text(), "a built-in parametric part instead of a file, with its dimensions", default=None
     )
     unit: str = key(choice("mm", "cm", "m", "in"), "unit of the file's coordinates", default="mm")
     solid: int | None = key(
-        whole(least=1), "which solid to take when the file holds several (1: the largest)", default=None
+        whole(least=1),
+        "which solid to take when the file holds several (1: the largest)",
+        default=None,
     )
     dimensions: dict[str, float] = dataclasses.field(default_factory=dict)
 
@@ -118,13 +122,17 @@ SURFACE_ACTIONS = ("force_N", "pressure_MPa", "traction_MPa", "moment_Nmm")
 class LatticeSection:
     """`[lattice]`: unit cell, cell count, kind and radius."""
 
-    cell: str = key(text(), "a name of `texmap cells`, or a path to a unit-cell XML", default="octet")
+    cell: str = key(
+        text(), "a name of `texmap cells`, or a path to a unit-cell XML", default="octet"
+    )
     cells: tuple[int, int, int] | None = key(
         vector(whole(least=1)), "cells over the part's bounding box", default=None
     )
     cell_mm: float | None = key(number(above=0.0), "cell edge, instead of `cells`", default=None)
     kind: str = key(
-        choice("rod", "plate"), "rod: skin + (S and M); plate: the lattice is the void", default="rod"
+        choice("rod", "plate"),
+        "rod: skin + (S and M); plate: the lattice is the void",
+        default="rod",
     )
     skin_mm: float = key(number(least=0.0), "thickness of the skin; 0: none", default=1.0)
     radius_mm: float | None = key(number(above=0.0), "strut radius before sizing", default=None)
@@ -173,11 +181,11 @@ class WarpSection:
         later="alignment is not offered yet; leave it out or give 0.",
     )
     target: str = key(
-        choice("energy", "axes"), "what alignment aims at (has no effect at weight 0)", default="energy"
+        choice("energy", "axes"),
+        "what alignment aims at (has no effect at weight 0)",
+        default="energy",
     )
-    margin_cells: int = key(
-        whole(least=0), "cells added around the part on every side", default=1
-    )
+    margin_cells: int = key(whole(least=0), "cells added around the part on every side", default=1)
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,7 @@ def key(kind: Kind, doc: str, *, default: Any = MISSING, later: str = "") -> Any
         default: value when absent; left out, the key is required.
         later: why values other than the default are refused for now; empty when they are not.
     """
-    return dataclasses.field(
-        default=default, metadata={"kind": kind, "doc": doc, "later": later}
-    )
+    return dataclasses.field(default=default, metadata={"kind": kind, "doc": doc, "later": later})
 
 
 def read_section(
@@ -75,15 +73,17 @@ def _value(declared: dataclasses.Field, value: Any, where: str) -> Any:
     return read
 
 
-def number(
-    *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
-) -> Kind:
+def number(*, above: float = -math.inf, least: float = -math.inf, most: float = math.inf) -> Kind:
     """A finite number; `above` is an open limit, `least` and `most` are closed."""
     words = {"above": above, "at least": least, "at most": most}
     limits = " and ".join(f"{word} {v:g}" for word, v in words.items() if math.isfinite(v))
 
     def read(value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+        ):
             raise ValueError("must be a finite number.")
         if value <= above or value < least or value > most:
             raise ValueError(f"must be {limits}.")
@@ -162,7 +162,7 @@ def table() -> Kind:
 
 
 def yes_no() -> Kind:
-    """true or false."""
+    """True or false."""
 
     def read(value: Any) -> bool:
         if not isinstance(value, bool):

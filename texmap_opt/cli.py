@@ -221,9 +221,7 @@ def _combine(options: argparse.Namespace) -> int:
     part = read_surface(options.part, unit=options.unit)
     lattice = read_surface(options.lattice, unit="mm")
     join = rod_result if options.kind == "rod" else plate_result
-    combined = join(
-        part.surface, lattice.surface, skin_mm=options.skin, tolerance_mm=tolerance
-    )
+    combined = join(part.surface, lattice.surface, skin_mm=options.skin, tolerance_mm=tolerance)
     surface, _ = printable_mesh(combined.surface)
     Solid(surface).save(options.output)
     print(f"{options.output}: {len(surface.faces):,} triangles, {surface.volume:,.1f} mm³")
@@ -243,5 +241,3 @@ def _positive(value: float, name: str) -> float:
     if not value > 0:
         raise InputError(f"{name} {value}: must be above 0 [mm].")
     return value
-
-

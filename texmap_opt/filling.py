@@ -66,9 +66,9 @@ def fill(
         model = None
         if case.lattice.kind == "rod":
             model = frame_model(trimmed.structure, part, case, stress)
-    volume = _first_volume(case, part, trimmed.structure)
+    volume, density = _first_volume(case, part), 0.0
     for _ in range(DENSITY_TRIES):
-        filling = _filled(case, part, trimmed.structure, model, volume, progress)
+        filling = _filled(case, trimmed.structure, part, model, volume, progress)
         if target is None:
             return filling
         density = filling.inside_mm3 / part.volume
@@ -83,7 +83,7 @@ def fill(
     )
 
 
-def _first_volume(case: DesignCase, part: Part, structure: Structure) -> float | None:
+def _first_volume(case: DesignCase, part: Part) -> float | None:
     """Overlap-corrected volume to aim at [mm³]; None: what the given radii have."""
     for fraction in (case.sizing.volume_fraction, case.lattice.relative_density):
         if fraction is not None:
@@ -93,8 +93,8 @@ def _first_volume(case: DesignCase, part: Part, structure: Structure) -> float |
 
 def _filled(
     case: DesignCase,
-    part: Part,
     structure: Structure,
+    part: Part,
     model: FrameModel | None,
     volume: float | None,
     progress: Progress,

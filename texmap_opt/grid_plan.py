@@ -58,7 +58,8 @@ def plan_grid(case: DesignCase, bounds: Float[np.ndarray, "2 3"], cell: UnitCell
                 f"{extent[0]:.4g} x {extent[1]:.4g} x {extent[2]:.4g} mm; give at most "
                 f"{extent.min() / 2:.3g}, or check [part] unit."
             )
-        cells = tuple(max(1, round(float(length) / edge)) for length in extent)
+        x, y, z = (max(1, round(float(length) / edge)) for length in extent)
+        cells = (x, y, z)
     count = math.prod(n + 2 * case.warp.margin_cells for n in cells)
     if count > MOST_CELLS:
         raise CaseError(
@@ -70,7 +71,11 @@ def plan_grid(case: DesignCase, bounds: Float[np.ndarray, "2 3"], cell: UnitCell
     if radius is None:
         density = lattice.relative_density or 0.0
         radius = math.sqrt(density / (math.pi * _length_density(cell, extent / np.array(cells))))
-        _check_radius(f"{file}: [lattice] relative_density = {density:g} (radius {radius:.3g} mm)", radius, shortest)
+        _check_radius(
+            f"{file}: [lattice] relative_density = {density:g} (radius {radius:.3g} mm)",
+            radius,
+            shortest,
+        )
     else:
         _check_radius(f"{file}: [lattice] radius_mm = {radius:g}", radius, shortest)
     for name in ("min_radius_mm", "max_radius_mm"):

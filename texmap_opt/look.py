@@ -17,7 +17,7 @@ from texmap_opt.report.drawing import draw
 from texmap_opt.report.marks import mark_of
 from texmap_opt.report.scenes import PlannedPart, compact
 from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.stress_field import MM_PER_M, region_slack
+from texmap_opt.stress_field import region_slack
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.trim import trim
 from texmap_opt.structure.volume import lattice_volume
@@ -175,7 +175,9 @@ def _seen(facets: TriMesh, action: Support | Load) -> SeenRegion:
     if action.region is None:
         acceleration = np.array(action.gravity_m_s2)  # pyright: ignore[reportAttributeAccessIssue]
         label = f"{name}: gravity {np.linalg.norm(acceleration):.4g} m/s²"
-        return SeenRegion(action, TriMesh(np.zeros((0, 3)), np.zeros((0, 3), int)), acceleration, label)
+        return SeenRegion(
+            action, TriMesh(np.zeros((0, 3)), np.zeros((0, 3), int)), acceleration, label
+        )
     centroids = facets.vertices[facets.faces].mean(axis=1)
     slack = region_slack(facets.vertices)
     inside = action.region.contains(centroids, facets.face_normals, slack=slack)
@@ -229,6 +231,8 @@ def _cost(case: DesignCase, part: Part, grid: HexGrid, struts: int) -> tuple[int
     tets = 2 * part.volume * 6 * np.sqrt(2) / edge**3 + 2 * len(part.surface.faces)
     nodes = tets * (1.6 if case.analysis.element == "tet10" else 0.25)
     triangles = int(TRIANGLES_PER_STRUT * struts) + 4 * len(part.surface.faces)
-    seconds = START_S + TETS_S * tets + NODES_S * nodes + CELLS_S * grid.cell_count + STRUTS_S * struts
+    seconds = (
+        START_S + TETS_S * tets + NODES_S * nodes + CELLS_S * grid.cell_count + STRUTS_S * struts
+    )
     memory = START_MB + NODES_MB * nodes + STRUTS_MB * struts
     return triangles, float(seconds), float(memory)

@@ -13,8 +13,8 @@ from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import read_part
 from texmap_opt.progress import Progress, Silent
 from texmap_opt.report.numbers import report_numbers
-from texmap_opt.solid.float32_solid import printable_mesh
 from texmap_opt.run_result import Run
+from texmap_opt.solid.float32_solid import printable_mesh
 from texmap_opt.solid.validity import require_printable
 from texmap_opt.stress_field import StressField, stress_field
 from texmap_opt.tet_source import part_tets
@@ -53,9 +53,7 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
     with progress.stage("tets"):
         mesh = part_tets(case, part, cache)
         progress.detail(f"{len(mesh.tets):,} {mesh.element}, {len(mesh.nodes):,} nodes")
-    stress_of = stage_key(
-        "stress", mesh.nodes, mesh.tets, case.material, case.supports, case.loads
-    )
+    stress_of = stage_key("stress", mesh.nodes, mesh.tets, case.material, case.supports, case.loads)
     with progress.stage("stress"):
         stored = cache.get(stress_of)
         stress = StressField.from_arrays(mesh, stored) if stored else stress_field(case, mesh)
@@ -74,9 +72,7 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         if not warp.converged:
             progress.warn(f"warp: {warp.message}")
     with progress.stage("structure"):
-        trimmed = trimmed_lattice(
-            case, part, stress, cell, warp.grid, radius_mm=plan.radius_mm
-        )
+        trimmed = trimmed_lattice(case, part, stress, cell, warp.grid, radius_mm=plan.radius_mm)
         progress.detail(f"{len(trimmed.structure.struts):,} struts")
     filling = fill(case, part, stress, trimmed, progress)
     with progress.stage("result"):
@@ -90,7 +86,7 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         except SolidError as failure:
             raise SolidError(f"{case.path.name}: [lattice]: {failure}") from failure
         surface, snapped_mm = printable_mesh(combined.surface)
-        validity = require_printable(surface, "The result")
+        validity = require_printable(surface, "The result", given=part.surface)
         progress.detail(f"{len(surface.faces):,} triangles, {surface.volume:,.0f} mm³")
     run = Run(
         case, part, stress, warp, cell, trimmed, filling, combined, Solid(surface), validity, {}

@@ -34,13 +34,17 @@ class Silent(AbstractTeller):
     """Says nothing."""
 
     def started(self, stage: str, elapsed: float) -> AbstractContextManager:
+        """See `AbstractTeller.started`."""
         return nullcontext()
 
-    def detail(self, message: str, elapsed: float) -> None: ...
+    def detail(self, message: str, elapsed: float) -> None:
+        """Says nothing."""
 
-    def finished(self, stage: str, seconds: float, elapsed: float) -> None: ...
+    def finished(self, stage: str, seconds: float, elapsed: float) -> None:
+        """Says nothing."""
 
-    def warned(self, message: str, elapsed: float) -> None: ...
+    def warned(self, message: str, elapsed: float) -> None:
+        """Says nothing."""
 
 
 class Live(AbstractTeller):
@@ -51,17 +55,21 @@ class Live(AbstractTeller):
         self._detail = ""
 
     def started(self, stage: str, elapsed: float) -> AbstractContextManager:
+        """See `AbstractTeller.started`."""
         self._detail = ""
         return self._console.status(stage)
 
     def detail(self, message: str, elapsed: float) -> None:
+        """See `AbstractTeller.detail`."""
         self._detail = message
 
     def finished(self, stage: str, seconds: float, elapsed: float) -> None:
+        """See `AbstractTeller.finished`."""
         line = f"{stage:<10} {seconds:7.1f} s  {self._detail}".rstrip()
         self._console.print(line, markup=False, soft_wrap=True)
 
     def warned(self, message: str, elapsed: float) -> None:
+        """See `AbstractTeller.warned`."""
         line = f"warning: {message}"
         self._console.print(line, style="yellow", markup=False, soft_wrap=True)
 
@@ -70,16 +78,20 @@ class JsonLines(AbstractTeller):
     """One JSON object a line on stderr: events `start`, `detail`, `done`, `warning`."""
 
     def started(self, stage: str, elapsed: float) -> AbstractContextManager:
+        """See `AbstractTeller.started`."""
         self._event("start", elapsed, stage=stage)
         return nullcontext()
 
     def detail(self, message: str, elapsed: float) -> None:
+        """See `AbstractTeller.detail`."""
         self._event("detail", elapsed, message=message)
 
     def finished(self, stage: str, seconds: float, elapsed: float) -> None:
+        """See `AbstractTeller.finished`."""
         self._event("done", elapsed, stage=stage, seconds=round(seconds, 3))
 
     def warned(self, message: str, elapsed: float) -> None:
+        """See `AbstractTeller.warned`."""
         self._event("warning", elapsed, message=message)
 
     def _event(self, event: str, elapsed: float, **values: object) -> None:

@@ -91,7 +91,7 @@ class RegionReach:
         """
         mesh = self.stress.mesh
         corners = mesh.boundary_facets[:, :3]
-        chosen = np.isin(corners, selected_nodes(mesh, region)).all(axis=1)
+        chosen = np.asarray(np.isin(corners, selected_nodes(mesh, region)).all(axis=1))
         chosen[selected_facets(mesh, region)] = True
         if not chosen.any():
             return np.full(len(self.joints), np.inf)

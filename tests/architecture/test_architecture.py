@@ -137,7 +137,9 @@ def test_importing_prints_nothing_and_configures_nothing():
         "assert logging.root.handlers == before;"
         "assert 'pyvista' not in sys.modules and 'matplotlib' not in sys.modules"
     )
-    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 

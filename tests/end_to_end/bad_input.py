@@ -147,7 +147,14 @@ def run_bad_input(bad: BadInput, folder: Path) -> tuple[int, str, list[str]]:
     with contextlib.redirect_stderr(said):
         try:
             main(
-                ["run", str(folder / "case.toml"), "--out", str(folder / "out"), "--quiet", "--no-cache"]
+                [
+                    "run",
+                    str(folder / "case.toml"),
+                    "--out",
+                    str(folder / "out"),
+                    "--quiet",
+                    "--no-cache",
+                ]
             )
         except SystemExit as ended:
             code = int(ended.code or 0)

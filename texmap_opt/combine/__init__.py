@@ -1,0 +1,1 @@
+"""Part and lattice joined: booleans, the inner wall of a skin, the result."""

@@ -1,0 +1,1 @@
+"""Files: one format a file, and the folder of a run."""

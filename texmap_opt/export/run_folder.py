@@ -12,7 +12,6 @@ import numpy as np
 
 from texmap_opt.errors import OutputError
 from texmap_opt.export.beam_lattice import write_beam_lattice
-from texmap_opt.export.solid_file import Solid
 from texmap_opt.export.vtk import write_grid, write_stress, write_struts
 from texmap_opt.progress import Progress
 from texmap_opt.report.drawing import Drawn, draw

@@ -50,8 +50,8 @@ def run_scenes(run: Run) -> dict[str, Scene]:
 
 
 def _numbered(run: Run) -> list[tuple[int | None, Support | Load]]:
-    loads = list(enumerate(run.case.loads))
-    return [(None, support) for support in run.case.supports] + [(k, load) for k, load in loads]
+    numbered: list[tuple[int | None, Support | Load]] = [(None, s) for s in run.case.supports]
+    return numbered + list(enumerate(run.case.loads))
 
 
 def _mark(stress: StressField, number: int | None, action: Support | Load) -> Mark:

@@ -1,0 +1,1 @@
+"""Triangle surfaces of solids: struts and joints meshed, checked, made printable."""

@@ -74,10 +74,15 @@ class ValidityReport:
         return {"printable": self.printable, "watertight": self.watertight} | asdict(self)
 
 
-def validity(surface: TriMesh) -> ValidityReport:
+def validity(surface: TriMesh, *, given: TriMesh | None = None) -> ValidityReport:
     """Looks at a surface as a solid: edges, fans, orientation, shells, overlaps.
 
     Vertices must be welded: two that are equal in position but not in number are two vertices.
+
+    Args:
+        surface: what is checked [mm].
+        given: the part that the surface was made from; where it crosses itself already (`repair`
+            lets shallow crossings pass, with a note), the surface may do so as well.
     """
     used = np.unique(surface.faces)
     if not len(used):
@@ -90,7 +95,7 @@ def validity(surface: TriMesh) -> ValidityReport:
     closed = not n_open and not crowded and not repeated.any()
     pinched = int(edges.fan_of_corner.max()) + 1 - len(used) if closed else 0
     volumes = edges.shell_volumes
-    overlap, twice = _overlaps(surface, edges) if closed and surface.volume > 0 else (0.0, 0)
+    overlap, twice = _overlaps(surface, edges, given) if closed and surface.volume > 0 else (0.0, 0)
     euler = len(used) - len(edges.ends) // 2 + len(surface.faces)
     faults = _faults(
         {
@@ -124,17 +129,20 @@ def validity(surface: TriMesh) -> ValidityReport:
     )
 
 
-def require_printable(surface: TriMesh, what: str) -> ValidityReport:
+def require_printable(
+    surface: TriMesh, what: str, *, given: TriMesh | None = None
+) -> ValidityReport:
     """The report of a surface that must be a printable solid.
 
     Args:
         surface: the solid.
         what: what the message calls it.
+        given: see `validity`.
 
     Raises:
         SolidError: naming every fault.
     """
-    report = validity(surface)
+    report = validity(surface, given=given)
     if not report.printable:
         raise SolidError(
             f"{what} is not a printable solid: {'; '.join(report.faults)}. Another tolerance_mm or "
@@ -152,7 +160,7 @@ def _faults(conditions: dict[str, object]) -> list[str]:
     return [fault for fault, present in conditions.items() if present]
 
 
-def _overlaps(surface: TriMesh, edges: Edges) -> tuple[float, int]:
+def _overlaps(surface: TriMesh, edges: Edges, given: TriMesh | None) -> tuple[float, int]:
     """Volume enclosed by several positive shells [mm³], and sampled points wound about twice."""
     positive = np.flatnonzero(edges.shell_volumes > 0)
     overlap = 0.0
@@ -173,7 +181,10 @@ def _overlaps(surface: TriMesh, edges: Edges) -> tuple[float, int]:
     # the sum itself decides; over at most as many points as are affordable, spread evenly.
     affordable = max(8, EXACT_TERMS // len(surface.faces))
     suspect = suspect[:: max(1, -(-len(suspect) // affordable))]
-    return overlap, int(_unsound(_winding_sum(surface, suspect)).sum())
+    unsound = suspect[_unsound(_winding_sum(surface, suspect))]
+    if given is not None:
+        unsound = unsound[~_unsound(_winding_sum(given, unsound))]
+    return overlap, len(unsound)
 
 
 def _unsound(winding: np.ndarray) -> np.ndarray:

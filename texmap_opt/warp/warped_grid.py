@@ -56,7 +56,9 @@ class WarpedGrid:
             "iterations": np.array(self.iterations),
             "converged": np.array(self.converged),
             "wanted_size": self.wanted_size,
-            "quality": np.array([np.nan if v is None else v for v in asdict(self.quality).values()]),
+            "quality": np.array(
+                [np.nan if v is None else v for v in asdict(self.quality).values()]
+            ),
         }
 
     @staticmethod
@@ -65,7 +67,9 @@ class WarpedGrid:
         measures = {}
         for field, value in zip(fields(WarpQuality), arrays["quality"], strict=True):
             whole = field.type is int
-            measures[field.name] = int(value) if whole else None if np.isnan(value) else float(value)
+            measures[field.name] = (
+                int(value) if whole else None if np.isnan(value) else float(value)
+            )
         return WarpedGrid(
             grid=HexGrid(arrays["nodes"], arrays["box"]),
             method=str(arrays["method"]),
