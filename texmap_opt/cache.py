@@ -7,6 +7,7 @@ import os
 import uuid
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -47,7 +48,7 @@ class StageCache:
             return None
         path = self.directory / f"{key}.npz"
         try:
-            with np.load(path, allow_pickle=False) as stored:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 arrays = {name: stored[name] for name in stored.files}
             os.utime(path)
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
@@ -59,15 +60,14 @@ class StageCache:
         if self.directory is None:
             return
         part = self.directory / f"{uuid.uuid4().hex}.part"
-        try:
+        # Whatever the disk refuses, the run goes on without a cache.
+        with suppress(OSError):
             self.directory.mkdir(parents=True, exist_ok=True)
             with part.open("wb") as file:
                 np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
             part.replace(self.directory / f"{key}.npz")
             self._shrink()
-        except OSError:
-            pass
-        finally:
+        with suppress(OSError):
             part.unlink(missing_ok=True)
 
     def put_new(

@@ -7,6 +7,8 @@ import dataclasses
 import sys
 from dataclasses import MISSING
 
+import fea
+from texmap_opt.builtin_part import BUILTIN_PARTS
 from texmap_opt.case_sections import SECTIONS, LoadSection, SupportSection
 from texmap_opt.region import REGION_KEYS
 
@@ -40,12 +42,25 @@ def case_reference() -> str:
     sections |= {"support": SupportSection, "load": LoadSection}
     for name in order:
         section = sections[name]
-        doc = (section.__doc__ or "").strip()
+        doc = (section.__doc__ or "").strip().split("`: ", 1)[-1].capitalize()
         parts.append(f"## `{titles[name]}`\n\n{doc}\n\n{_table(section)}\n")
     rows = "\n".join(f"| `{key}` | {doc} |" for key, doc in REGION_KEYS.items())
     parts.append(
         "## Regions\n\nA region is a table; with several keys all of them must hold.\n\n"
         f"| key | meaning |\n|---|---|\n{rows}\n"
+    )
+    built = "\n".join(
+        f"| `{name}` | {part.description} | "
+        + ", ".join(f"`{key}` {value:g}" for key, value in part.dimensions.items())
+        + " |"
+        for name, part in BUILTIN_PARTS.items()
+    )
+    parts.append(
+        "## Built-in parts\n\nDimensions stand in `[part]` beside `builtin`.\n\n"
+        f"| builtin | what | dimensions and defaults |\n|---|---|---|\n{built}\n"
+    )
+    parts.append(
+        "## Named materials\n\n" + ", ".join(f"`{m}`" for m in fea.material_names()) + "\n"
     )
     return "\n".join(parts)
 

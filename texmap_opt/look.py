@@ -21,7 +21,7 @@ from texmap_opt.stress_field import region_slack
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.trim import trim
 from texmap_opt.structure.volume import lattice_volume
-from texmap_opt.tetrahedralise import default_edge_mm
+from texmap_opt.tetrahedralise import default_edge_mm, estimated_counts
 from texmap_opt.thickness import thinnest_wall
 from texmap_opt.warp.hex_grid import HexGrid
 
@@ -34,7 +34,7 @@ SAMPLE_SHARE = 1 / 60
 MOST_SAMPLES = 400_000
 PICTURE_TIMEOUT_S = 60.0
 # Cost of a run on two cores, fitted to the runs of `studies/` within a factor of two.
-START_S, TETS_S, NODES_S, CELLS_S, STRUTS_S = 15.0, 4e-4, 1e-4, 4e-3, 8e-3
+START_S, TETS_S, CELLS_S, STRUTS_S = 15.0, 6e-4, 4e-3, 5e-3
 START_MB, NODES_MB, STRUTS_MB = 700.0, 0.015, 0.25
 TRIANGLES_PER_STRUT = 60
 
@@ -227,12 +227,8 @@ def _subdivided(surface: TriMesh, diagonal: float) -> TriMesh:
 def _cost(case: DesignCase, part: Part, grid: HexGrid, struts: int) -> tuple[int, float, float]:
     """Triangles of the result, seconds and memory [MB] of a run: fits to runs of `studies/`."""
     edge = case.analysis.edge_mm or default_edge_mm(part)
-    # A tet of edge a fills a³/(6 sqrt 2); the mesher keeps about half that size on average.
-    tets = 2 * part.volume * 6 * np.sqrt(2) / edge**3 + 2 * len(part.surface.faces)
-    nodes = tets * (1.6 if case.analysis.element == "tet10" else 0.25)
+    tets = estimated_counts(part, edge_mm=edge, element=case.analysis.element)
     triangles = int(TRIANGLES_PER_STRUT * struts) + 4 * len(part.surface.faces)
-    seconds = (
-        START_S + TETS_S * tets + NODES_S * nodes + CELLS_S * grid.cell_count + STRUTS_S * struts
-    )
-    memory = START_MB + NODES_MB * nodes + STRUTS_MB * struts
+    seconds = START_S + TETS_S * tets.tets + CELLS_S * grid.cell_count + STRUTS_S * struts
+    memory = START_MB + NODES_MB * tets.nodes + STRUTS_MB * struts
     return triangles, float(seconds), float(memory)

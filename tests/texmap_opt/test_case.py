@@ -1,0 +1,95 @@
+"""The case file: what is read is what was written, and the reference in docs/ is what is read."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from bad_input import CASE
+
+from texmap_opt.case import DesignCase
+from texmap_opt.case_reference import case_reference
+from texmap_opt.errors import CaseError
+
+ROOT = Path(__file__).parents[2]
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "case.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_case_written_with_all_defaults_reads_back_as_the_same_case(tmp_path: Path):
+    case = DesignCase.from_toml(written(tmp_path, CASE))
+    again = DesignCase.from_toml(written(tmp_path, case.to_toml()))
+    assert again.to_toml() == case.to_toml()
+    assert again.lattice == case.lattice
+    assert again.material.E == case.material.E
+    assert tomllib.loads(case.to_toml())["warp"]["contrast"] == 3.0
+
+
+@pytest.mark.parametrize("study", ["cantilever", "bracket", "statue"])
+def test_the_shipped_cases_are_valid(study: str):
+    case = DesignCase.from_toml(ROOT / "studies" / study / "case.toml")
+    assert case.supports
+    assert case.loads
+
+
+def test_the_reference_of_all_keys_is_up_to_date():
+    """Written anew by `python -m texmap_opt.case_reference > docs/case.md`."""
+    assert (ROOT / "docs" / "case.md").read_text() == case_reference()
+
+
+def test_material_constants_override_a_named_material(tmp_path: Path):
+    text = CASE.replace('name = "PA12"', 'name = "PA12"\nyield_MPa = 12.0')
+    case = DesignCase.from_toml(written(tmp_path, text))
+    assert case.material.name == "PA12"
+    assert case.material.yield_stress == 12.0
+    assert case.material.E > 0
+
+
+def test_density_becomes_tonne_per_cubic_millimetre(tmp_path: Path):
+    text = CASE.replace('name = "PA12"', "E_MPa = 1000\nnu = 0.3\ndensity_g_cm3 = 2.0")
+    assert DesignCase.from_toml(written(tmp_path, text)).material.density == pytest.approx(2e-9)
+
+
+def test_the_part_on_the_command_line_replaces_that_of_the_case(tmp_path: Path):
+    case = DesignCase.from_toml(written(tmp_path, CASE), part_file=tmp_path / "other.stl")
+    assert case.part.file == str(tmp_path / "other.stl")
+
+
+def test_loads_of_one_name_are_one_load_case(tmp_path: Path):
+    load = CASE[CASE.index("[[load]]") : CASE.index("[lattice]")]
+    text = CASE.replace(
+        load, load + load + '[[load]]\ncase = "own"\ngravity_m_s2 = [0, 0, -9.81]\n'
+    )
+    case = DesignCase.from_toml(written(tmp_path, text))
+    assert case.load_cases == ("load", "own")
+
+
+def test_sizing_of_a_void_defaults_to_none(tmp_path: Path):
+    text = CASE.replace("skin_mm = 1.0", 'skin_mm = 1.0\nkind = "plate"')
+    assert DesignCase.from_toml(written(tmp_path, text)).sizing.method == "none"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("cell_mm = 10.0", "cell_mm = 10.0\ncells = [4, 2, 2]", "either cells or cell_mm"),
+        ("radius_mm = 0.8", "", "either radius_mm or relative_density"),
+        ("force_N = [0, 0, -10]", "", "does nothing"),
+        ("force_N = [0, 0, -10]", "force_N = [0, -10]", "three numbers"),
+        ("force_N = [0, 0, -10]", "force_N = [0, 0, nan]", "finite"),
+        ('name = "PA12"', "E_MPa = 1000", "nu is missing"),
+        ("cell_mm = 10.0", "cell_mm = true", "finite number"),
+        ('method = "uniform"', 'method = "optimised"', "not offered yet"),
+        ("[[support]]", "[support]", "[[support]]"),
+    ],
+)
+def test_entries_that_contradict_or_miss_are_refused(
+    tmp_path: Path, old: str, new: str, words: str
+):
+    assert old in CASE
+    with pytest.raises(CaseError, match=r"case\.toml") as refused:
+        DesignCase.from_toml(written(tmp_path, CASE.replace(old, new, 1)))
+    assert words in str(refused.value)
