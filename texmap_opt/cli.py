@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script; ends the process with the contract's exit code."""
     jax.config.update("jax_enable_x64", True)
     options = _parser().parse_args(arguments)
+    # Being told to end must end the tet mesher's process too, and leave no partial files.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     _keep_compiled_code()
     try:
         code = options.command(options)
