@@ -64,7 +64,7 @@ def plan_grid(case: DesignCase, bounds: Float[np.ndarray, "2 3"], cell: UnitCell
     if count > MOST_CELLS:
         raise CaseError(
             f"{file}: [lattice]: {cells[0]} x {cells[1]} x {cells[2]} cells are {count:,} with their "
-            f"margin; at most {MOST_CELLS:,} are possible: use larger cells."
+            f"margin; at most {MOST_CELLS:,} are possible: use larger cells, or check [part] unit."
         )
     shortest = float((extent / np.array(cells)).min())
     radius = lattice.radius_mm

@@ -46,9 +46,9 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
     cell = unit_cell(case.lattice.cell, base=case.directory)
     with progress.stage("part"):
         part = read_part(case.part, case.directory)
-        plan = plan_grid(case, part.bounds, cell)
         for note in part.notes:
             progress.warn(f"{part.name}: {note}")
+        plan = plan_grid(case, part.bounds, cell)
         progress.detail(f"{len(part.surface.faces):,} triangles, {part.volume:,.0f} mm³")
     with progress.stage("tets"):
         mesh = part_tets(case, part, cache)
