@@ -65,8 +65,9 @@ def write_run(run: Run, out: Path, progress: Progress) -> dict:
             _write_files(run, folder)
         with progress.stage("pictures"):
             drawn = _draw(run, folder)
-            for name, reason in drawn.missing.items():
-                progress.warn(f"no picture of {name}: {reason}")
+            if run.case.output.pictures:
+                for name, reason in drawn.missing.items():
+                    progress.warn(f"no picture of {name}: {reason}")
             progress.detail(f"{len(drawn.pictures)} drawn")
         report = run.report | {
             "seconds": dict(progress.seconds) | {"total": progress.total()},
