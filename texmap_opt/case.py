@@ -164,7 +164,17 @@ class DesignCase:
         for section, entry in (("part", "file"), ("analysis", "mesh")):
             if entry in tables[section]:
                 tables[section][entry] = str((self.directory / tables[section][entry]).resolve())
+        for action in (*tables["support"], *tables["load"]):
+            self._anchor_region(action.get("region", {}))
         return tomli_w.dumps(tables)
+
+    def _anchor_region(self, region: dict[str, Any]) -> None:
+        """Make the path of a region's file absolute."""
+        stl = region.get("stl")
+        if isinstance(stl, str):
+            region["stl"] = str((self.directory / stl).resolve())
+        elif isinstance(stl, dict):
+            region["stl"] = stl | {"file": str((self.directory / stl["file"]).resolve())}
 
 
 def _with_plate_default(tables: dict[str, Any]) -> dict[str, Any]:

@@ -62,9 +62,9 @@ def fill(
         SolidError: the lattice cannot be meshed.
     """
     target = case.lattice.relative_density
-    with progress.stage("sizing"):
-        model = None
-        if case.lattice.kind == "rod":
+    model = None
+    if case.lattice.kind == "rod":
+        with progress.stage("frame"):
             model = frame_model(trimmed.structure, part, case, stress)
     volume, density = _first_volume(case, part), 0.0
     for _ in range(DENSITY_TRIES):

@@ -34,7 +34,7 @@ ENVELOPE_PER_EDGE, ENVELOPE_PER_WALL = 0.1, 0.1
 MANY_FACES, SIMPLIFY_SHARE = 15_000, 0.5
 # Share by which the mesh's volume may differ from the part's.
 VOLUME_TOLERANCE = 0.02
-# Tets that are more than a session's memory and patience; 4 million tet4 take about 20 min.
+# Tets that are more than a desktop's memory and its user's patience; 4 million tet4 take about 20 min.
 MAX_TETS = 4_000_000
 # [s] After this the mesher is taken to hang.
 MAX_SECONDS = 3600.0

@@ -1,7 +1,6 @@
 """Whole runs on a small part, from the command line and from Python."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_input import BOX, CASE, FACES, write_stl
+from sound_case import BOX, FACES, changed_case, write_stl
 
 from texmap_opt import DesignCase, cli, run
 from texmap_opt.part_file import read_surface_file
@@ -48,17 +47,6 @@ FILES = {
 }  # fmt: skip
 
 
-def case_in(folder: Path, *changes: tuple[str, str]) -> Path:
-    text = CASE
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    folder.mkdir(exist_ok=True)
-    write_stl(folder / "box.stl", BOX, FACES)
-    (folder / "case.toml").write_text(text)
-    return folder / "case.toml"
-
-
 def texmap(*arguments: str | Path) -> int:
     with pytest.raises(SystemExit) as ended:
         cli.main([str(a) for a in arguments])
@@ -69,8 +57,9 @@ def texmap(*arguments: str | Path) -> int:
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run with a skin and sized struts; its folder."""
     folder = tmp_path_factory.mktemp("run")
-    os.environ["TEXMAP_CACHE_DIR"] = str(folder / "cache")
-    assert texmap("run", case_in(folder), "--out", folder / "out", "--quiet") == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TEXMAP_CACHE_DIR", str(folder / "cache"))
+        assert texmap("run", changed_case(folder), "--out", folder / "out", "--quiet") == 0
     return folder
 
 
@@ -143,12 +132,12 @@ def test_another_radius_starts_from_the_cached_warp_and_changes_nothing_else(
 ):
     """With the cache, and without it on the same tets, the numbers are the same bits."""
     changes = [("radius_mm = 0.8", "radius_mm = 0.7"), ('"uniform"', '"least-squares"')]
-    first = case_in(tmp_path / "first", changes[1])
+    first = changed_case(tmp_path / "first", changes[1])
     assert texmap("run", first, "--out", tmp_path / "0", "--quiet") == 0
-    thin = case_in(tmp_path / "cached", *changes)
+    thin = changed_case(tmp_path / "cached", *changes)
     assert texmap("run", thin, "--out", tmp_path / "1", "--quiet") == 0
     mesh = f'edge_mm = 6.0\nmesh = "{(tmp_path / "0" / "stress.vtu").as_posix()}"'
-    again = case_in(tmp_path / "anew", *changes, ("edge_mm = 6.0", mesh))
+    again = changed_case(tmp_path / "anew", *changes, ("edge_mm = 6.0", mesh))
     assert texmap("run", again, "--out", tmp_path / "2", "--quiet", "--no-cache") == 0
     cached, anew = (json.loads((tmp_path / n / "report.json").read_text()) for n in "12")
     for section in ("tet_mesh", "stress", "warp", "structure", "sizing", "lattice", "result"):
@@ -159,7 +148,7 @@ def test_another_radius_starts_from_the_cached_warp_and_changes_nothing_else(
 
 def test_a_plate_is_the_part_less_the_lattice(tmp_path: Path):
     changes = ("skin_mm = 1.0", 'kind = "plate"\nskin_mm = 0')
-    result = run(DesignCase.from_toml(case_in(tmp_path, changes)))
+    result = run(DesignCase.from_toml(changed_case(tmp_path, changes)))
     report = result.report
     assert report["sizing"]["compliance_after_Nmm"] is None
     volume = report["part"]["volume_mm3"] - report["lattice"]["inside_mm3"]
@@ -169,14 +158,14 @@ def test_a_plate_is_the_part_less_the_lattice(tmp_path: Path):
 def test_a_relative_density_is_met_on_the_mesh(tmp_path: Path):
     changes = [("radius_mm = 0.8", "relative_density = 0.12"), ("skin_mm = 1.0", "skin_mm = 0")]
     changes.append(('"uniform"', '"uniform"\nmargin_cells = 0\n[sizing]\nmethod = "none"'))
-    report = run(DesignCase.from_toml(case_in(tmp_path, *changes))).report
+    report = run(DesignCase.from_toml(changed_case(tmp_path, *changes))).report
     np.testing.assert_allclose(report["lattice"]["relative_density"], 0.12, rtol=0.005)
     np.testing.assert_allclose(report["result"]["relative_density"], 0.12, rtol=0.006)
 
 
 def test_a_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path):
     """A limit on file size stands for the disk; the system's own words reach the user."""
-    case = case_in(tmp_path)
+    case = changed_case(tmp_path)
     probe = (
         "import resource, signal, sys\n"
         "from texmap_opt.cli import main\n"
@@ -196,7 +185,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path):
 
 
 def test_an_interrupt_leaves_no_partial_files(tmp_path: Path):
-    case = case_in(tmp_path)
+    case = changed_case(tmp_path)
     arguments = [sys.executable, "-c", "from texmap_opt.cli import main; main()"]
     arguments += ["run", str(case), "--out", str(tmp_path / "out"), "--json-progress", "--no-cache"]
     with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as process:

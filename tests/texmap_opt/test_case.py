@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from bad_input import CASE
+from sound_case import CASE
 
 from texmap_opt.case import DesignCase
 from texmap_opt.case_reference import case_reference

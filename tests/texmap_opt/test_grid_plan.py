@@ -4,23 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_input import CASE
+from sound_case import case_of
 
-from texmap_opt.case import DesignCase
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.errors import CaseError
 from texmap_opt.grid_plan import plan_grid
 
 BOUNDS = np.array([[0.0, 0.0, 0.0], [40.0, 20.0, 20.0]])
-
-
-def case_of(folder: Path, *changes: tuple[str, str]) -> DesignCase:
-    text = CASE
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    (folder / "case.toml").write_text(text)
-    return DesignCase.from_toml(folder / "case.toml")
 
 
 def test_cells_cover_the_part_and_the_margin_surrounds_it(tmp_path: Path):

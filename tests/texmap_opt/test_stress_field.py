@@ -4,24 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_input import CASE
+from sound_case import case_of
 
 import fea
-from texmap_opt.case import DesignCase
 from texmap_opt.errors import CaseError
 from texmap_opt.stress_field import StressField, selected_facets, selected_nodes, stress_field
 
 # The sound case's box, 40 x 20 x 20 mm.
 MESH = fea.TetMesh.box((40.0, 20.0, 20.0), (8, 4, 4))
-
-
-def case_of(folder: Path, *changes: tuple[str, str]) -> DesignCase:
-    text = CASE
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    (folder / "case.toml").write_text(text)
-    return DesignCase.from_toml(folder / "case.toml")
 
 
 def test_a_force_acts_with_its_full_size_and_the_supports_answer(tmp_path: Path):

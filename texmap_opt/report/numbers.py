@@ -13,6 +13,7 @@ try:
 except ModuleNotFoundError:  # Windows has no such accounting.
     resource = None
 
+from texmap_opt.part_file import open_edges
 from texmap_opt.progress import Progress
 from texmap_opt.run_result import Run
 
@@ -42,7 +43,7 @@ def report_numbers(run: Run, progress: Progress, *, snapped_mm: float) -> dict[s
             "volume_mm3": run.part.volume,
             "area_mm2": run.part.area,
             "bounds_mm": run.part.bounds.tolist(),
-            "watertight": True,  # `repaired` lets nothing else pass.
+            "watertight": not len(open_edges(run.part.surface.faces)),
             "notes": list(run.part.notes),
         },
         "material": {
