@@ -9,6 +9,7 @@ from typing import Any
 import tomli_w
 
 from fea import Material
+from texmap_opt.builtin_part import BUILTIN_PARTS
 from texmap_opt.case_sections import (
     SECTIONS,
     SURFACE_ACTIONS,
@@ -81,6 +82,12 @@ class DesignCase:
         return tuple(dict.fromkeys(load.case for load in self.loads))
 
     @property
+    def input_files(self) -> tuple[Path, ...]:
+        """Files that a run reads and that no output may replace."""
+        named = [self.part.file, self.lattice.cell if self.lattice.cell.endswith(".xml") else None]
+        return (self.path, *(self.directory / name for name in named if name))
+
+    @property
     def directory(self) -> Path:
         """Folder that relative paths of the case refer to."""
         return self.path.resolve().parent
@@ -110,10 +117,11 @@ class DesignCase:
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as failure:
             raise CaseError(f"{path}: is not valid TOML: {failure}.") from failure
         if part_file is not None:
-            tables.setdefault("part", {})["file"] = str(Path(part_file).resolve())
-            tables["part"].pop("builtin", None)
+            given = _section(tables, "part", path.name)
+            kept = {k: v for k, v in given.items() if k != "builtin" and not k.endswith("_mm")}
+            tables["part"] = kept | {"file": str(Path(part_file).resolve())}
         if warp_method is not None:
-            tables.setdefault("warp", {})["method"] = warp_method
+            tables["warp"] = _section(tables, "warp", path.name) | {"method": warp_method}
         return DesignCase.from_tables(tables, path)
 
     @staticmethod
@@ -146,7 +154,7 @@ class DesignCase:
         """The case as TOML, all defaults filled in, paths absolute."""
         material = self.material
         tables: dict[str, Any] = {
-            "part": _known(self.part) | self.part.dimensions,
+            "part": _known(self.part) | self._dimensions(),
             "material": {
                 "name": material.name,
                 "E_MPa": material.E,
@@ -164,9 +172,21 @@ class DesignCase:
         for section, entry in (("part", "file"), ("analysis", "mesh")):
             if entry in tables[section]:
                 tables[section][entry] = str((self.directory / tables[section][entry]).resolve())
+        cell = self.directory / self.lattice.cell
+        if cell.suffix.lower() == ".xml":
+            tables["lattice"]["cell"] = str(cell.resolve())
         for action in (*tables["support"], *tables["load"]):
             self._anchor_region(action.get("region", {}))
         return tomli_w.dumps(tables)
+
+    def _dimensions(self) -> dict[str, float]:
+        """Dimensions of a built-in part, defaults filled in."""
+        recipe = BUILTIN_PARTS.get(self.part.builtin or "")
+        return (
+            self.part.dimensions
+            if recipe is None
+            else {**recipe.dimensions, **self.part.dimensions}
+        )
 
     def _anchor_region(self, region: dict[str, Any]) -> None:
         """Make the path of a region's file absolute."""
@@ -175,6 +195,13 @@ class DesignCase:
             region["stl"] = str((self.directory / stl).resolve())
         elif isinstance(stl, dict):
             region["stl"] = stl | {"file": str((self.directory / stl["file"]).resolve())}
+
+
+def _section(tables: dict[str, Any], name: str, file: str) -> dict[str, Any]:
+    section = tables.get(name, {})
+    if not isinstance(section, dict):
+        raise CaseError(f"{file}: [{name}] = {section!r}: must be a table of keys.")
+    return section
 
 
 def _with_plate_default(tables: dict[str, Any]) -> dict[str, Any]:
@@ -233,6 +260,13 @@ def _supports(tables: dict[str, Any], file: str, base: Path) -> tuple[Support, .
     for i, section in enumerate(sections, start=1):
         where = f"{file}: [[support]] {i}"
         region = region_from_table(section.region, f"{where} region", base)
+        value = section.value_mm or (0.0, 0.0, 0.0)
+        for axis, component in zip("xyz", value, strict=True):
+            if component and axis not in section.fix:
+                raise CaseError(
+                    f"{where} value_mm = {list(value)}: moves {axis}, which is not in fix = "
+                    f"{list(section.fix)}; add it there or give 0."
+                )
         supports.append(Support(where, region, section.fix, section.value_mm))
     return tuple(supports)
 
@@ -271,6 +305,11 @@ def _check_together(case: DesignCase, file: str) -> None:
     for a, b in (("cells", "cell_mm"), ("radius_mm", "relative_density")):
         if (getattr(lattice, a) is None) == (getattr(lattice, b) is None):
             raise CaseError(f"{file}: [lattice]: give either {a} or {b}.")
+    if lattice.relative_density is not None and sizing.volume_fraction is not None:
+        raise CaseError(
+            f"{file}: [sizing] volume_fraction = {sizing.volume_fraction:g}: contradicts [lattice] "
+            f"relative_density = {lattice.relative_density:g}; give one of them."
+        )
     if case.warp.method in ("best-uniform", "optimised"):
         raise CaseError(
             f'{file}: [warp] method = "{case.warp.method}": is not offered yet; use "uniform", '

@@ -48,12 +48,13 @@ class MaterialSection:
             CaseError: for an unknown name or missing constants.
         """
         named = None
-        if self.name is not None and self.E_MPa is None:
+        missing = [k for k in ("E_MPa", "nu", "density_g_cm3") if getattr(self, k) is None]
+        # A name of one's own needs all constants; with fewer it must be in the table.
+        if self.name is not None and missing:
             try:
                 named = fea.material(self.name)
             except FeaError as failure:
                 raise CaseError(f"{where} name: {failure}") from failure
-        missing = [k for k in ("E_MPa", "nu", "density_g_cm3") if getattr(self, k) is None]
         if named is None and missing:
             raise CaseError(
                 f"{where} {missing[0]} is missing: give a material's name, or E_MPa, nu and "
@@ -203,7 +204,8 @@ class SizingSection:
     )
     volume_fraction: float | None = key(
         number(above=0.0, most=0.9),
-        "overlap-corrected volume of (S and M) over the part's (absent: what the radius gives)",
+        "overlap-corrected volume of (S and M) over the part's (absent: what the radius gives); the "
+        'radii are scaled to it, also with method = "none"',
         default=None,
     )
     min_radius_mm: float | None = key(

@@ -11,6 +11,10 @@ from texmap_opt.errors import CaseError, nearest_name
 Section = TypeVar("Section")
 
 
+# No length, force or stress of a part comes near this; whole numbers of any length stay below.
+LARGEST = 1e15
+
+
 @dataclass(frozen=True)
 class Kind:
     """What a key accepts: `read` returns the value, or raises ValueError with the limit."""
@@ -79,12 +83,10 @@ def number(*, above: float = -math.inf, least: float = -math.inf, most: float = 
     limits = " and ".join(f"{word} {v:g}" for word, v in words.items() if math.isfinite(v))
 
     def read(value: Any) -> float:
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
-            raise ValueError("must be a finite number.")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError("must be a number.")
+        if not abs(value) < LARGEST:
+            raise ValueError(f"must be a finite number, below {LARGEST:g} in size.")
         if value <= above or value < least or value > most:
             raise ValueError(f"must be {limits}.")
         return float(value)

@@ -40,7 +40,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         code = 1
     except BrokenPipeError:
-        code = 0
+        print("texmap: the reader of the output went away.", file=sys.stderr)
+        code = 1
+    except OSError as failure:
+        print(f"texmap: {failure}; free some space, or check the folder.", file=sys.stderr)
+        code = 1
     sys.exit(code)
 
 
@@ -123,7 +127,7 @@ def _run(options: argparse.Namespace) -> int:
     from texmap_opt.pipeline import run
 
     case = DesignCase.from_toml(options.case, part_file=options.part, warp_method=options.method)
-    check_writable(options.out)
+    check_writable(options.out, case.input_files)
     teller = progress.Live()
     if options.quiet:
         teller = progress.Silent()
@@ -199,12 +203,13 @@ def _cell(options: argparse.Namespace) -> int:
 
 
 def _mesh(options: argparse.Namespace) -> int:
-    from texmap_opt.export.solid_file import Solid
+    from texmap_opt.export.solid_file import Solid, check_ending
     from texmap_opt.solid.float32_solid import printable_mesh
     from texmap_opt.solid.lattice_solid import lattice_solid
     from texmap_opt.structure.structure_xml import read_structure
 
     tolerance = _positive(options.tolerance, "--tolerance")
+    check_ending(options.output)
     surface = lattice_solid(read_structure(options.structure), tolerance_mm=tolerance)
     surface, _ = printable_mesh(surface)
     Solid(surface).save(options.output)
@@ -214,13 +219,14 @@ def _mesh(options: argparse.Namespace) -> int:
 
 def _combine(options: argparse.Namespace) -> int:
     from texmap_opt.combine.part_with_lattice import plate_result, rod_result
-    from texmap_opt.export.solid_file import Solid
+    from texmap_opt.export.solid_file import Solid, check_ending
     from texmap_opt.part import read_surface
     from texmap_opt.solid.float32_solid import printable_mesh
 
     tolerance = _positive(options.tolerance, "--tolerance")
     if not options.skin >= 0:
         raise InputError(f"--skin {options.skin}: must be 0 or more [mm].")
+    check_ending(options.output)
     part = read_surface(options.part, unit=options.unit)
     lattice = read_surface(options.lattice, unit="mm")
     join = rod_result if options.kind == "rod" else plate_result

@@ -1,6 +1,6 @@
 """From the trimmed lattice to its sized struts and their solid, at the density that was asked for."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from texmap_opt.case import DesignCase
 from texmap_opt.combine.boolean import intersection
 from texmap_opt.errors import SizingError
 from texmap_opt.frame_model import FrameModel, frame_model
+from texmap_opt.grid_plan import LEAST_PRINTABLE_RADIUS_MM
 from texmap_opt.part import Part
 from texmap_opt.progress import Progress
 from texmap_opt.sizing.choice import sizing_of
@@ -103,9 +104,10 @@ def _filled(
     with progress.stage("sizing"):
         if volume is not None:
             structure = _scaled_to_volume(structure, volume)
+            _check_printable(structure)
         if model is not None:
             sized = sizing_of(case.sizing).size(
-                replace(model, structure=structure),
+                model.with_structure(structure),
                 SizingLimits(volume, case.sizing.min_radius_mm, case.sizing.max_radius_mm),
             )
             structure = sized.structure
@@ -120,6 +122,16 @@ def _filled(
         inside = intersection(lattice, part.surface).volume
         progress.detail(f"{len(lattice.faces):,} triangles")
     return Filling(structure, sized, lattice, checked, inside, lattice_volume(structure))
+
+
+def _check_printable(structure: Structure) -> None:
+    thinnest = float(structure.radii.min())
+    if thinnest < LEAST_PRINTABLE_RADIUS_MM:
+        raise SizingError(
+            f"The asked volume makes struts of {thinnest:.3g} mm radius, thinner than the "
+            f"{LEAST_PRINTABLE_RADIUS_MM:g} mm that print: raise [sizing] volume_fraction or "
+            "[lattice] relative_density, or use larger cells."
+        )
 
 
 def _scaled_to_volume(structure: Structure, volume: float) -> Structure:

@@ -3,7 +3,7 @@
 The rules are those of docs/decisions/0002-supports-and-loads-on-frames.md. The frame has no skin.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -48,6 +48,10 @@ class FrameModel:
     surface_forces: Float[np.ndarray, "cases joints 6"]
     acceleration: Float[np.ndarray, "cases 3"]
     weight_factor: float
+
+    def with_structure(self, structure: Structure) -> "FrameModel":
+        """The same model for a structure that differs in its radii only."""
+        return replace(self, structure=structure, weight_factor=_true_share(structure))
 
     def forces(
         self, radii: Float[Array | np.ndarray, "struts 2"]
@@ -105,9 +109,6 @@ def frame_model(
             nodal = nodal - fea.gravity_forces(stress.mesh, case.material.density, g)
         if load.region is not None:
             forces[k] += _joint_forces(reach, load, nodal, lever=float(structure.radii.mean()))
-    radii = structure.radii
-    measure = LatticeVolume.of(structure)
-    apart = float(centre_line_volume(structure.joints, structure.struts, measure.as_round(radii)))
     model = FrameModel(
         structure=structure,
         material=case.material,
@@ -116,10 +117,18 @@ def frame_model(
         value=value,
         surface_forces=forces,
         acceleration=acceleration,
-        weight_factor=float(measure(structure.joints, radii)) / apart,
+        weight_factor=_true_share(structure),
     )
     _check_can_be_solved(model, case.path.name)
     return model
+
+
+def _true_share(structure: Structure) -> float:
+    """Overlap-corrected volume over the sum of the struts' own volumes."""
+    measure = LatticeVolume.of(structure)
+    radii = measure.as_round(structure.radii)
+    apart = float(centre_line_volume(structure.joints, structure.struts, radii))
+    return float(measure(structure.joints, structure.radii)) / apart
 
 
 def carried_forces(

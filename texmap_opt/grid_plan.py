@@ -68,16 +68,13 @@ def plan_grid(case: DesignCase, bounds: Float[np.ndarray, "2 3"], cell: UnitCell
         )
     shortest = float((extent / np.array(cells)).min())
     radius = lattice.radius_mm
-    if radius is None:
+    if radius is not None:
+        _check_radius(f"{file}: [lattice] radius_mm = {radius:g}", radius, shortest)
+    else:
         density = lattice.relative_density or 0.0
         radius = math.sqrt(density / (math.pi * _length_density(cell, extent / np.array(cells))))
-        _check_radius(
-            f"{file}: [lattice] relative_density = {density:g} (radius {radius:.3g} mm)",
-            radius,
-            shortest,
-        )
-    else:
-        _check_radius(f"{file}: [lattice] radius_mm = {radius:g}", radius, shortest)
+        where = f"{file}: [lattice] relative_density = {density:g}"
+        _check_radius(where, radius, shortest, density=density)
     for name in ("min_radius_mm", "max_radius_mm"):
         bound = getattr(case.sizing, name)
         if bound is not None:
@@ -102,14 +99,26 @@ def _length_density(cell: UnitCell, edges: Float[np.ndarray, " 3"]) -> float:
     return inside / float(np.prod(edges))
 
 
-def _check_radius(where: str, radius: float, shortest: float) -> None:
-    if radius < LEAST_PRINTABLE_RADIUS_MM:
+def _check_radius(where: str, radius: float, shortest: float, *, density: float = 0.0) -> None:
+    """Refuse a radius that no printer makes or that leaves no opening.
+
+    Args:
+        where: file, key and value for messages.
+        radius: [mm].
+        shortest: shortest edge of a cell [mm].
+        density: the value of the key, where that is a density and not the radius itself.
+    """
+    least, most = LEAST_PRINTABLE_RADIUS_MM, FILLED_SHARE * shortest
+    means = f" means a radius of {radius:.3g} mm, which" if density else ""
+    # A density goes with the square of the radius.
+    low, high = (f"{density * (r / radius) ** 2 if density else r:.2g}" for r in (least, most))
+    if radius < least:
         raise CaseError(
-            f"{where}: struts thinner than {LEAST_PRINTABLE_RADIUS_MM:g} mm radius do not print; "
-            f"give at least {LEAST_PRINTABLE_RADIUS_MM:g}."
+            f"{where}:{means} does not print: struts need a radius of {least:g} mm; give at least "
+            f"{low}, or use larger cells."
         )
-    if radius >= FILLED_SHARE * shortest:
+    if radius >= most:
         raise CaseError(
-            f"{where}: fills the cells, whose shortest edge is {shortest:.4g} mm; give less than "
-            f"{FILLED_SHARE * shortest:.3g}, or use larger cells."
+            f"{where}:{means} fills the cells, whose shortest edge is {shortest:.4g} mm; give less "
+            f"than {high}, or use larger cells."
         )

@@ -181,6 +181,13 @@ def _seen(facets: TriMesh, action: Support | Load) -> SeenRegion:
     centroids = facets.vertices[facets.faces].mean(axis=1)
     slack = region_slack(facets.vertices)
     inside = action.region.contains(centroids, facets.face_normals, slack=slack)
+    if isinstance(action, Support) and not inside.any():
+        normals = np.repeat(facets.face_normals, 3, axis=0)
+        corners = facets.vertices[facets.faces].reshape(-1, 3)
+        if action.region.contains(corners, normals, slack=slack).any():
+            empty = TriMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+            label = f"{name}: holds {', '.join(action.fix)} on a line or points, 0 mm²"
+            return SeenRegion(action, empty, np.zeros(3), label)
     if not inside.any():
         raise CaseError(
             f"{action.where} region: {action.region.describe()} selects nothing of the part's "

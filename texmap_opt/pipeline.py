@@ -6,7 +6,7 @@ from texmap_opt.cache import StageCache, stage_key
 from texmap_opt.case import DesignCase
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.combine.part_with_lattice import plate_result, rod_result
-from texmap_opt.errors import SolidError
+from texmap_opt.errors import TexmapError
 from texmap_opt.export.solid_file import Solid
 from texmap_opt.filling import fill
 from texmap_opt.grid_plan import plan_grid
@@ -38,8 +38,13 @@ def run(
         TexmapError: one sentence that says what is wrong and what to do.
     """
     progress = progress or Progress(Silent())
-    with jax.enable_x64(True):
-        return _run(case, progress, cache or StageCache(None))
+    try:
+        with jax.enable_x64(True):
+            return _run(case, progress, cache or StageCache(None))
+    except TexmapError as failure:
+        if case.path.name in str(failure):
+            raise
+        raise type(failure)(f"{case.path.name}: {failure}") from failure
 
 
 def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
@@ -76,15 +81,12 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         progress.detail(f"{len(trimmed.structure.struts):,} struts")
     filling = fill(case, part, stress, trimmed, progress)
     with progress.stage("result"):
-        try:
-            combined = COMBINE[case.lattice.kind](
-                part.surface,
-                filling.lattice,
-                skin_mm=case.lattice.skin_mm,
-                tolerance_mm=case.output.tolerance_mm,
-            )
-        except SolidError as failure:
-            raise SolidError(f"{case.path.name}: [lattice]: {failure}") from failure
+        combined = COMBINE[case.lattice.kind](
+            part.surface,
+            filling.lattice,
+            skin_mm=case.lattice.skin_mm,
+            tolerance_mm=case.output.tolerance_mm,
+        )
         surface, snapped_mm = printable_mesh(combined.surface)
         validity = require_printable(surface, "The result", given=part.surface)
         progress.detail(f"{len(surface.faces):,} triangles, {surface.volume:,.0f} mm³")

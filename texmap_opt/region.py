@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from texmap_opt.case_table import LARGEST
 from texmap_opt.errors import CaseError, PartError, nearest_name
 from texmap_opt.part_file import read_surface_file
 from texmap_opt.signed_distance import SignedDistance
@@ -347,7 +348,7 @@ def _number(
     least: float = -math.inf,
     most: float = math.inf,
 ) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
         raise CaseError(f"{where} = {value!r}: must be a finite number.")
     if not value > above:
         raise CaseError(f"{where} = {value!r}: must be above {above:g}.")

@@ -212,3 +212,44 @@ def test_a_starter_case_can_be_looked_at(tmp_path: Path, capsys: pytest.CaptureF
     said = capsys.readouterr().out
     assert "resultant [0, 0, 500] N" in said
     assert "struts" in said
+
+
+def test_a_run_never_replaces_its_own_input(tmp_path: Path, capsys: pytest.CaptureFixture):
+    case = changed_case(tmp_path)
+    before = case.read_text()
+    assert texmap("run", case, "--out", tmp_path, "--quiet") == 1
+    assert "own input case.toml" in capsys.readouterr().err
+    assert case.read_text() == before
+
+
+def test_a_second_run_into_a_folder_leaves_nothing_of_the_first(tmp_path: Path):
+    """A plate has no beam lattice: that of an earlier run must not stay beside it."""
+    out = tmp_path / "out"
+    assert texmap("run", changed_case(tmp_path), "--out", out, "--quiet") == 0
+    (out / "mine.txt").write_text("not the program's")
+    plate = changed_case(tmp_path, ("skin_mm = 1.0", 'kind = "plate"\nskin_mm = 0'))
+    assert texmap("run", plate, "--out", out, "--quiet") == 0
+    assert {p.name for p in out.iterdir()} == FILES - {"lattice.3mf"} | {"mine.txt"}
+
+
+def test_look_sees_a_support_along_an_edge(tmp_path: Path, capsys: pytest.CaptureFixture):
+    edge = "region = { box = [[0, 0, 0], [0, 20, 0]] }\n[[support]]\nregion = { plane"
+    case = changed_case(tmp_path, ("region = { plane", edge))
+    assert texmap("look", case, "--png", tmp_path / "look.png") == 0
+    assert "line or points" in capsys.readouterr().out
+
+
+def test_own_weight_does_not_depend_on_the_radius_before_scaling(tmp_path: Path):
+    """Gravity alone, radii scaled to one volume: equal results from a thin and a thick start."""
+    load = "region = { plane = { point = [40, 0, 0], normal = [1, 0, 0] } }\nforce_N = [0, 0, -10]"
+    compliance = []
+    for radius in ("0.5", "1.2"):
+        case = changed_case(
+            tmp_path / radius,
+            (load, "gravity_m_s2 = [0, 0, -9.81]"),
+            ("radius_mm = 0.8", f"radius_mm = {radius}"),
+            ("[output]", '[sizing]\nmethod = "none"\nvolume_fraction = 0.08\n[output]'),
+        )
+        report = run(DesignCase.from_toml(case)).report
+        compliance.append(report["sizing"]["compliance_after_Nmm"])
+    np.testing.assert_allclose(compliance[0], compliance[1], rtol=0.02)

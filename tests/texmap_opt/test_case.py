@@ -81,7 +81,7 @@ def test_sizing_of_a_void_defaults_to_none(tmp_path: Path):
         ("force_N = [0, 0, -10]", "force_N = [0, -10]", "three numbers"),
         ("force_N = [0, 0, -10]", "force_N = [0, 0, nan]", "finite"),
         ('name = "PA12"', "E_MPa = 1000", "nu is missing"),
-        ("cell_mm = 10.0", "cell_mm = true", "finite number"),
+        ("cell_mm = 10.0", "cell_mm = true", "must be a number"),
         ('method = "uniform"', 'method = "optimised"', "not offered yet"),
         ("[[support]]", "[support]", "[[support]]"),
     ],
@@ -93,3 +93,44 @@ def test_entries_that_contradict_or_miss_are_refused(
     with pytest.raises(CaseError, match=r"case\.toml") as refused:
         DesignCase.from_toml(written(tmp_path, CASE.replace(old, new, 1)))
     assert words in str(refused.value)
+
+
+def test_a_part_on_the_command_line_replaces_a_built_in_one_with_its_dimensions(tmp_path: Path):
+    text = CASE.replace('file = "box.stl"', 'builtin = "cantilever"\nlength_mm = 50')
+    case = DesignCase.from_toml(written(tmp_path, text), part_file=tmp_path / "other.stl")
+    assert case.part.builtin is None
+    assert case.part.dimensions == {}
+
+
+def test_a_named_material_may_have_another_modulus(tmp_path: Path):
+    text = CASE.replace('name = "PA12"', 'name = "PA12"\nE_MPa = 1000')
+    material = DesignCase.from_toml(written(tmp_path, text)).material
+    assert material.E == 1000
+    assert material.name == "PA12"
+
+
+def test_dimensions_of_a_built_in_part_are_written_with_their_defaults(tmp_path: Path):
+    text = CASE.replace('file = "box.stl"', 'builtin = "cantilever"\nlength_mm = 50')
+    part = tomllib.loads(DesignCase.from_toml(written(tmp_path, text)).to_toml())["part"]
+    assert part["length_mm"] == 50
+    assert part["width_mm"] == 20
+
+
+@pytest.mark.parametrize(("entry", "override"), [("warp = 3\n", {"warp_method": "uniform"})])
+def test_an_override_of_what_is_no_table_is_refused(tmp_path: Path, entry: str, override: dict):
+    with pytest.raises(CaseError, match="must be a table"):
+        DesignCase.from_toml(
+            written(tmp_path, entry + CASE.replace("[warp]", "[lattice2]")), **override
+        )
+
+
+def test_a_number_beyond_all_measure_is_refused(tmp_path: Path):
+    text = CASE.replace("radius_mm = 0.8", "radius_mm = " + "9" * 400)
+    with pytest.raises(CaseError, match="finite"):
+        DesignCase.from_toml(written(tmp_path, text))
+
+
+def test_a_displacement_of_a_direction_that_is_free_is_refused(tmp_path: Path):
+    text = CASE.replace("[[load]]", 'fix = ["x"]\nvalue_mm = [0, 0, 1]\n[[load]]')
+    with pytest.raises(CaseError, match="moves z"):
+        DesignCase.from_toml(written(tmp_path, text))

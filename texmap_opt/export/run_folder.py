@@ -28,26 +28,50 @@ from texmap_opt.warp import certificate
 PICTURES_TIMEOUT_S = 240.0
 
 
-def check_writable(out: Path) -> None:
-    """Refuse a folder that cannot be written before anything is computed.
+# Every file a run may write.
+FILES = (
+    "part.stl",
+    "part.3mf",
+    "structure.xml",
+    "lattice.3mf",
+    "stress.vtu",
+    "grid.vtu",
+    "struts.vtp",
+    "report.json",
+    "report.html",
+    "case.toml",
+)
+
+
+def check_writable(out: Path, inputs: tuple[Path, ...]) -> None:
+    """Refuse a folder that cannot be written, before anything is computed.
+
+    Args:
+        out: the folder.
+        inputs: files that the run reads and must not replace.
 
     Raises:
-        OutputError: naming the folder.
+        OutputError: naming the folder, or the input that would be lost.
     """
+    for path in inputs:
+        if path.name in FILES and path.resolve() == (out / path.name).resolve():
+            raise OutputError(
+                f"--out {out}: the run would replace its own input {path.name}; name another folder."
+            )
     if out.exists() and not out.is_dir():
         raise OutputError(f"--out {out}: is a file; name a folder.")
     parent = out.absolute()
     while not parent.exists():
         parent = parent.parent
-    if not os.access(parent, os.W_OK):
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
         raise OutputError(f"--out {out}: {parent} cannot be written; name another folder.")
 
 
 def write_run(run: Run, out: Path, progress: Progress) -> dict:
     """Write all files of a run into a folder, which is made when it is not there.
 
-    They are made in a hidden folder beside it and moved when all are there: whatever goes wrong
-    before, nothing is left behind.
+    They are made in a hidden folder and moved when all are there: whatever goes wrong before,
+    nothing is left behind.
 
     Args:
         run: what the stages left.
@@ -93,17 +117,26 @@ PICTURES = "pictures"
 
 @contextmanager
 def _staged(out: Path) -> Iterator[Path]:
-    """A hidden folder beside `out` whose files move into `out` when all went well."""
+    """A hidden folder whose files move into `out` when all went well.
+
+    It lies in `out` where that exists, which may be a disk of its own, and beside it otherwise.
+    Files that an earlier run left and this one does not write are removed: they would be taken for
+    results of this one.
+    """
+    place = out if out.is_dir() else out.absolute().parent
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+        place.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=".texmap-", dir=place))
     except OSError as failure:
         raise OutputError(f"{out}: cannot be written ({failure.strerror}).") from failure
     try:
         yield folder
         out.mkdir(exist_ok=True)
-        for file in sorted(folder.iterdir()):
-            file.replace(out / file.name)
+        written = {file.name for file in folder.iterdir()}
+        for name in sorted(written):
+            (folder / name).replace(out / name)
+        for name in set(FILES) - written:
+            (out / name).unlink(missing_ok=True)
     except OSError as failure:
         raise OutputError(
             f"{out}: cannot be written ({failure.strerror}); free some space, or name another folder."

@@ -15,6 +15,17 @@ WRITERS: dict[str, Callable[[Path, TriMesh], None]] = {
 }
 
 
+def check_ending(path: Path) -> None:
+    """Refuse a file whose ending names no format that a solid can be written in.
+
+    Raises:
+        InputError: with the endings that can.
+    """
+    if path.suffix.lower() not in WRITERS:
+        known = " or ".join(WRITERS)
+        raise InputError(f'{path}: the ending "{path.suffix}" is not {known}; choose one of them.')
+
+
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A closed surface that keeps its shape in float32, as files hold it.
@@ -33,10 +44,5 @@ class Solid:
             OutputError: when the file cannot be written.
         """
         path = Path(path)
-        writer = WRITERS.get(path.suffix.lower())
-        if writer is None:
-            known = " or ".join(WRITERS)
-            raise InputError(
-                f'{path}: the ending "{path.suffix}" is not {known}; choose one of them.'
-            )
-        writer(path, self.surface)
+        check_ending(path)
+        WRITERS[path.suffix.lower()](path, self.surface)

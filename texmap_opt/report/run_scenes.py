@@ -21,6 +21,9 @@ from texmap_opt.run_result import Run
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.stress_field import StressField, selected_facets
 
+# A resultant below this share of the sum of its forces is their rounding: the load is a moment.
+ROUNDING = 1e-9
+
 
 def run_scenes(run: Run) -> dict[str, Scene]:
     """All scenes of a run by the names that the page knows."""
@@ -62,10 +65,13 @@ def _mark(stress: StressField, number: int | None, action: Support | Load) -> Ma
     area = float(mesh.facet_areas[facets].sum())
     if isinstance(action, Support) or number is None:
         return mark_of(action, patch, f"{name}: {area:.4g} mm²", np.zeros(3))
-    force = stress.load_forces[number].sum(axis=0)
-    force = np.where(np.abs(force) < 1e-9 * np.abs(force).max(), 0.0, force)
+    forces = stress.load_forces[number]
+    force = forces.sum(axis=0)
+    force = np.where(np.abs(force) < ROUNDING * np.abs(forces).sum(), 0.0, force)
     if action.region is None:
         label = f"{name} ({action.case}): gravity, {np.linalg.norm(force):.4g} N"
+    elif not force.any():
+        label = f"{name} ({action.case}): moment or balanced load on {area:.4g} mm²"
     else:
         label = f"{name} ({action.case}): {np.linalg.norm(force):.4g} N on {area:.4g} mm²"
     return mark_of(action, patch, label, force)

@@ -12,6 +12,7 @@ from fea import FeaError
 from fea.frame import FrameSolution, compliance_gradient, solve_frame
 from texmap_opt.errors import AnalysisError, LatticeError, SizingError
 from texmap_opt.frame_model import FrameModel
+from texmap_opt.grid_plan import LEAST_PRINTABLE_RADIUS_MM
 from texmap_opt.sizing.sized import Sized, SizingLimits, strut_utilisation
 from texmap_opt.structure.volume import LatticeVolume, uniform_radius
 
@@ -81,7 +82,9 @@ class SizingProblem:
         except LatticeError as failure:
             raise SizingError(f"[sizing] volume_fraction: {failure}") from failure
         ones = np.ones(len(structure.struts))
-        lower = LEAST_SHARE * uniform if limits.min_radius_mm is None else limits.min_radius_mm
+        lower = limits.min_radius_mm
+        if lower is None:
+            lower = max(LEAST_SHARE * uniform, min(uniform, LEAST_PRINTABLE_RADIUS_MM))
         lower = lower * ones
         if limits.max_radius_mm is None:
             stout = np.maximum(STOUTEST * structure.lengths(), uniform)

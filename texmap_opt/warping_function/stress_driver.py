@@ -79,13 +79,12 @@ def stress_driver(
         bad = int(np.sum(~np.isfinite(worst)))
         raise WarpError(
             f"The stress is not a finite number at {bad} of {len(worst)} points, so no warp can "
-            'follow it: check the analysis, or use the method "uniform".'
+            "follow it: check the analysis."
         )
     if rms == 0.0:
         raise WarpError(
             f"The von Mises stress is 0 MPa at all {len(worst)} points in every load case, so "
-            "nothing drives the warp: apply a load that strains the part, or use the method "
-            '"uniform".'
+            "nothing drives the warp: apply a load that strains the part."
         )
     grid = BackgroundGrid.covering(box, smoothing_mm)
     log_f = np.log(np.maximum(worst, STRESS_FLOOR * rms))

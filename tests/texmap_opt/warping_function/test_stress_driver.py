@@ -120,7 +120,7 @@ def test_turning_part_and_stress_turns_the_deviator():
 
 
 def test_no_stress_anywhere_is_refused_with_a_remedy():
-    with pytest.raises(WarpError, match=r'apply a load .* or use the method "uniform"'):
+    with pytest.raises(WarpError, match="apply a load"):
         driven(samples(lambda points, case: np.zeros((len(points), 6))))
 
 
