@@ -21,6 +21,8 @@ from texmap_opt.tet_source import part_tets
 from texmap_opt.trimmed_lattice import trimmed_lattice
 from texmap_opt.warp.warped_grid import WarpedGrid, warped_grid
 
+# Share of the strut length in dropped pieces that the user is told of.
+NOTABLE_SHARE = 0.05
 COMBINE = {"rod": rod_result, "plate": plate_result}
 
 
@@ -79,6 +81,13 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
     with progress.stage("structure"):
         trimmed = trimmed_lattice(case, part, stress, cell, warp.grid, radius_mm=plan.radius_mm)
         progress.detail(f"{len(trimmed.structure.struts):,} struts")
+        dropped = trimmed.counts.dropped_share
+        if dropped > NOTABLE_SHARE:
+            progress.warn(
+                f"structure: {100 * dropped:.0f} % of the strut length, in "
+                f"{trimmed.counts.components - 1} small pieces that only a skin would hold, was left "
+                "out; smaller cells would connect them"
+            )
     filling = fill(case, part, stress, trimmed, progress)
     with progress.stage("result"):
         combined = COMBINE[case.lattice.kind](

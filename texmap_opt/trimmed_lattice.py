@@ -9,8 +9,13 @@ from texmap_opt.part import Part
 from texmap_opt.region_reach import RegionReach
 from texmap_opt.stress_field import StressField
 from texmap_opt.structure.map import map_structure
-from texmap_opt.structure.trim import Trimmed, trim
+from texmap_opt.structure.trim import LEAST_SHARE, Trimmed, trim
 from texmap_opt.warp.hex_grid import HexGrid
+
+# Smallest share of the strut length in the largest piece where there is a skin. Walls thinner than a
+# cell hold single struts from skin to skin; they are left out, and that the wall is hollow is no
+# fault of the rest. Below a half the part is a shell and not filled with a lattice.
+LEAST_SHARE_UNDER_SKIN = 0.5
 
 
 def trimmed_lattice(
@@ -46,4 +51,11 @@ def trimmed_lattice(
         reach = RegionReach.of(points, part, case, stress, thickest)
         return np.any([reach.meets(region) for region in regions], axis=0)
 
-    return trim(net, part, attached_to_skin=lattice.skin_mm > 0, in_region=in_region)
+    skin = lattice.skin_mm > 0
+    return trim(
+        net,
+        part,
+        attached_to_skin=skin,
+        in_region=in_region,
+        least_share=LEAST_SHARE_UNDER_SKIN if skin else LEAST_SHARE,
+    )
