@@ -15,7 +15,7 @@ from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import Part, read_part
 from texmap_opt.report.drawing import draw
 from texmap_opt.report.marks import mark_of
-from texmap_opt.report.scenes import PlannedPart, compact
+from texmap_opt.report.scenes import PlannedPart
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.stress_field import region_slack
 from texmap_opt.structure.map import map_structure
@@ -193,7 +193,7 @@ def _seen(facets: TriMesh, action: Support | Load) -> SeenRegion:
             f"{action.where} region: {action.region.describe()} selects nothing of the part's "
             "surface; move or widen the region."
         )
-    patch = compact(facets.vertices, facets.faces[inside])
+    patch = facets.select(inside)
     area = float(facets.face_areas[inside].sum())
     if isinstance(action, Support):
         label = f"{name}: holds {', '.join(action.fix)} on {area:.4g} mm²"

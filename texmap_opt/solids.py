@@ -1,7 +1,7 @@
 """The solids that closed shells bound: outer shells with the voids inside them."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from texmap_opt.edge_pairs import EdgePairs
 from texmap_opt.errors import PartError
@@ -71,17 +71,10 @@ def _middle_of_largest_face(shell: TriMesh) -> Float[np.ndarray, " 3"]:
 
 
 def _piece(surface: TriMesh, chosen: Bool[np.ndarray, " faces"]) -> TriMesh:
-    return _compact(surface.vertices, surface.faces[chosen])
+    return surface.select(chosen)
 
 
 def _joined(parts: list[TriMesh]) -> TriMesh:
     starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
     return TriMesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
-
-
-def _compact(
-    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
-) -> TriMesh:
-    used, index = np.unique(faces, return_inverse=True)
-    return TriMesh(vertices[used], index.reshape(-1, 3))

@@ -117,7 +117,7 @@ def _whole(surface: TriMesh, offset: Offset | None, kind: str) -> Result:
         return Result(surface, offset, 0, 0.0)
     gone = np.isin(edges.shell_of_face, chips)
     gone |= _voids_of(surface, edges, gone)
-    kept = _compact(surface, ~gone)
+    kept = surface.select(~gone)
     return Result(kept, offset, len(chips), surface.volume - kept.volume)
 
 
@@ -127,10 +127,5 @@ def _voids_of(surface: TriMesh, edges: Edges, chips: np.ndarray) -> np.ndarray:
     first = np.searchsorted(np.sort(edges.shell_of_face), voids)
     face = np.argsort(edges.shell_of_face, kind="stable")[first]
     points = surface.vertices[surface.faces[face, 0]]
-    inside = SignedDistance(_compact(surface, chips)).contains(points)
+    inside = SignedDistance(surface.select(chips)).contains(points)
     return np.isin(edges.shell_of_face, voids[inside])
-
-
-def _compact(surface: TriMesh, chosen: np.ndarray) -> TriMesh:
-    used, faces = np.unique(surface.faces[chosen], return_inverse=True)
-    return TriMesh(surface.vertices[used], faces.reshape(-1, 3))

@@ -14,7 +14,6 @@ from texmap_opt.report.scenes import (
     WarpedGrid,
     Whole,
     cell_sizes,
-    compact,
     triangles_of_facets,
 )
 from texmap_opt.run_result import Run
@@ -61,7 +60,9 @@ def _mark(stress: StressField, number: int | None, action: Support | Load) -> Ma
     """The mark of a support (`number` None) or of a load with its forces."""
     mesh, name = stress.mesh, action.where.split(": ", 1)[-1]
     facets = np.zeros(0, int) if action.region is None else selected_facets(mesh, action.region)
-    patch = compact(mesh.nodes, triangles_of_facets(mesh.boundary_facets[facets]))
+    patch = TriMesh(mesh.nodes, triangles_of_facets(mesh.boundary_facets[facets])).select(
+        slice(None)
+    )
     area = float(mesh.facet_areas[facets].sum())
     if isinstance(action, Support) or number is None:
         return mark_of(action, patch, f"{name}: {area:.4g} mm²", np.zeros(3))

@@ -171,9 +171,3 @@ def triangles_of_facets(
         return facets
     corner = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
     return facets[:, corner].reshape(-1, 3)
-
-
-def compact(vertices: Float[np.ndarray, "nodes 3"], faces: Int[np.ndarray, "faces 3"]) -> TriMesh:
-    """The triangles with only the vertices that they use."""
-    used, new = np.unique(faces, return_inverse=True)
-    return TriMesh(vertices[used], new.reshape(-1, 3))

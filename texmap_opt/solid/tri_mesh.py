@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,13 @@ class TriMesh:
         """Lowest and highest corner of the bounding box [mm]."""
         used = self.vertices[np.unique(self.faces)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def select(
+        self, faces: Bool[np.ndarray, " faces"] | Int[np.ndarray, " chosen"] | slice
+    ) -> "TriMesh":
+        """The chosen triangles, with only the vertices that they use."""
+        used, renumbered = np.unique(self.faces[faces], return_inverse=True)
+        return TriMesh(self.vertices[used], renumbered.reshape(-1, 3))
 
     @cached_property
     def _cross(self) -> Float[np.ndarray, "faces 3"]:

@@ -165,7 +165,7 @@ def _overlaps(surface: TriMesh, edges: Edges, given: TriMesh | None) -> tuple[fl
     positive = np.flatnonzero(edges.shell_volumes > 0)
     overlap = 0.0
     if len(positive) > 1:
-        solids = [_shell(surface, edges.shell_of_face == number) for number in positive]
+        solids = [surface.select(edges.shell_of_face == number) for number in positive]
         overlap = boolean.overlap_volume(solids)
         if overlap <= OVERLAP_SHARE * sum(solid.volume for solid in solids):
             overlap = 0.0
@@ -203,8 +203,3 @@ def _winding_sum(surface: TriMesh, points: np.ndarray) -> np.ndarray:
         angle = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
         winding[k] = angle.sum() / (4 * np.pi)
     return winding
-
-
-def _shell(surface: TriMesh, chosen: np.ndarray) -> TriMesh:
-    used, faces = np.unique(surface.faces[chosen], return_inverse=True)
-    return TriMesh(surface.vertices[used], faces.reshape(-1, 3))

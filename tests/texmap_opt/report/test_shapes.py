@@ -5,7 +5,7 @@ import pytest
 
 from texmap_opt.report.glyphs import ARROW_LENGTH, diagonal, glyph, spread_points
 from texmap_opt.report.overlay import colour_range
-from texmap_opt.report.scenes import Action, Mark, cell_sizes, compact, triangles_of_facets
+from texmap_opt.report.scenes import Action, Mark, cell_sizes, triangles_of_facets
 from texmap_opt.report.tubes import tube_values, tubes
 from texmap_opt.report.view import HALF_ANGLE_DEG, Eye, Frame, best_eye, fitted_view
 from texmap_opt.solid.tri_mesh import TriMesh
@@ -49,7 +49,7 @@ def test_six_node_facets_become_four_triangles_of_the_same_area():
 
 
 def test_compact_keeps_positions_and_drops_the_rest():
-    small = compact(SQUARE.vertices, SQUARE.faces[1:])
+    small = SQUARE.select(slice(1, None))
     assert len(small.vertices) == 3
     np.testing.assert_array_equal(small.vertices[small.faces], SQUARE.vertices[SQUARE.faces[1:]])
 
