@@ -1,4 +1,4 @@
-"""Prints the shell commands of one of README's marked code blocks: `run`, `test` or `examples`.
+"""Prints one of README's marked code blocks, such as `run`, `test` or `fea`.
 
 A block is marked by the HTML comment `<!-- ci: NAME -->` on the line before its fence.
 """

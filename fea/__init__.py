@@ -16,6 +16,8 @@ rotations rx, ry, rz.
 All numbers are float64: programs switch JAX's `jax_enable_x64` on before they call.
 """
 
+from fea.adaptive import Adapted as Adapted
+from fea.adaptive import refine as refine
 from fea.boundary_conditions import Support as Support
 from fea.boundary_conditions import body_forces as body_forces
 from fea.boundary_conditions import force_on_facets as force_on_facets
@@ -23,18 +25,38 @@ from fea.boundary_conditions import gravity_forces as gravity_forces
 from fea.boundary_conditions import moment_on_facets as moment_on_facets
 from fea.boundary_conditions import pressure_forces as pressure_forces
 from fea.boundary_conditions import traction_forces as traction_forces
+from fea.equilibrium import compliance_gradient as compliance_gradient
+from fea.equilibrium import displacement as displacement
+from fea.error_estimate import ErrorEstimate as ErrorEstimate
 from fea.errors import FeaError as FeaError
+from fea.frame import FrameProblem as FrameProblem
+from fea.frame import FrameSolution as FrameSolution
+from fea.frame import solve_frame as solve_frame
+from fea.ftetwild import tetrahedralise as tetrahedralise
 from fea.linear_solve import SolveResult as SolveResult
 from fea.linear_solve import factorise as factorise
 from fea.materials import Material as Material
+from fea.materials import Orthotropic as Orthotropic
 from fea.materials import material as material
 from fea.materials import material_names as material_names
+from fea.mechanisms import free_body as free_body
+from fea.mesh_files import read_surface as read_surface
+from fea.mesh_files import read_tets as read_tets
+from fea.mesh_files import write_tets as write_tets
+from fea.objectives import compliance as compliance
+from fea.objectives import mean_displacement as mean_displacement
+from fea.objectives import p_norm as p_norm
+from fea.objectives import stress_p_norm as stress_p_norm
 from fea.precision import require_x64 as require_x64
 from fea.rigid_motion import free_motion as free_motion
 from fea.rigid_motion import rigid_body_modes as rigid_body_modes
-from fea.solid import SolidModel as SolidModel
+from fea.sections import section as section
+from fea.sizing_field import Sizing as Sizing
+from fea.solid import SolidProblem as SolidProblem
 from fea.solid import SolidSolution as SolidSolution
+from fea.solid import quadrature_stress as quadrature_stress
 from fea.solid import solve_solid as solve_solid
-from fea.stress_recovery import nodal_stress as nodal_stress
 from fea.tet_mesh import TetMesh as TetMesh
+from fea.voigt import principal_directions as principal_directions
+from fea.voigt import principal_values as principal_values
 from fea.voigt import von_mises as von_mises

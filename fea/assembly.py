@@ -1,117 +1,145 @@
 """Element matrices -> sparse stiffness on a fixed pattern, and the symmetric removal of supports.
 
-The pattern depends on connectivity only. It is found once; afterwards assembly is one product of a
-sparse matrix of ones with the stack of element matrices, whatever the elements are.
+A symmetric stiffness is a graph: one block for each node, one for each pair of nodes that share an
+element; the block of (b, a) is the transpose of that of (a, b). So elements hand over the pairs of
+their nodes once, and the pattern, which depends on connectivity only, sums them. Everything stays in
+whole blocks: a node's dofs are never torn apart.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import bsr_array, coo_array, csc_array, csr_array
 
 from fea.errors import FeaError
 
 
+def node_pairs(
+    corners: int,
+) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+    """Pairs of an element's nodes in the order of assembly: each with itself, then i < j."""
+    i, j = np.triu_indices(corners, 1)
+    itself = np.arange(corners)
+    return np.concatenate([itself, i]), np.concatenate([itself, j])
+
+
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Where each entry of each element matrix goes in the global matrix.
+    """Where the node pairs of each element go in the global matrix.
 
     Attributes:
-        dofs: size of the global matrix.
-        block: degrees of freedom of a node; consecutive dofs `block * node + component`.
+        nodes: number of nodes, and of block rows.
         corners: nodes of an element.
-        indptr: row starts of the node graph in compressed form.
-        indices: column nodes of the node graph, sorted in each row.
-        scatter: ones; row: a block of the global matrix, column: a block of an element matrix.
+        indptr: row starts of the matrix in compressed block form.
+        indices: block columns, sorted in each row.
+        upper: positions of the blocks (a, b), a < b, of the edges of the node graph.
+        lower: positions of their mirror images (b, a).
+        diagonal: positions of the blocks (a, a); they always exist, so that a node without
+            elements is an explicit zero pivot.
+        scatter: ones; a column for each pair of each element, a row for each edge met in the
+            direction a < b, then each edge met in the other, then each node.
     """
 
-    dofs: int
-    block: int
+    nodes: int
     corners: int
     indptr: Int[np.ndarray, " rows"]
     indices: Int[np.ndarray, " blocks"]
-    scatter: csr_array
-
-    @classmethod
-    def from_elements(
-        cls, dofs_of_elements: Int[np.ndarray, "elements k"], dofs: int, *, block: int = 1
-    ) -> "Pattern":
-        """Find the pattern of elements that couple all of their dofs.
-
-        Args:
-            dofs_of_elements: global dof of each row of each element matrix.
-            dofs: number of global dofs.
-            block: dofs of a node. With `block > 1` every `block` consecutive element dofs must be
-                the consecutive dofs of one node; pattern and assembly are then `block²` cheaper.
-
-        Raises:
-            FeaError: when a dof lies outside the matrix, or dofs do not come in blocks.
-        """
-        if (
-            dofs_of_elements.size
-            and not 0 <= dofs_of_elements.min() <= dofs_of_elements.max() < dofs
-        ):
-            raise FeaError(
-                f"Elements refer to dofs {dofs_of_elements.min()} to {dofs_of_elements.max()}, "
-                f"but the model has dofs 0 to {dofs - 1}; give each node its dofs."
-            )
-        node_of = dofs_of_elements[:, ::block] // block
-        blocks = (block * node_of[:, :, None] + np.arange(block)).reshape(len(node_of), -1)
-        if dofs % block or not np.array_equal(blocks, dofs_of_elements):
-            raise FeaError(f"Element dofs do not come in blocks of {block}; use block=1.")
-        return cls._from_nodes(node_of.astype(np.int64), dofs // block, block)
+    upper: Int[np.ndarray, " edges"]
+    lower: Int[np.ndarray, " edges"]
+    diagonal: Int[np.ndarray, " nodes"]
+    scatter: csc_array
 
     @classmethod
     def from_nodes(
-        cls, nodes_of_elements: Int[np.ndarray, "elements corners"], nodes: int, *, block: int
+        cls, nodes_of_elements: Int[np.ndarray, "elements corners"], nodes: int
     ) -> "Pattern":
-        """Find the pattern of elements whose nodes carry `block` dofs each."""
-        dofs = block * nodes_of_elements[:, :, None].astype(np.int64) + np.arange(block)
-        return cls.from_elements(
-            dofs.reshape(len(nodes_of_elements), -1), block * nodes, block=block
-        )
-
-    @classmethod
-    def _from_nodes(
-        cls, node_of: Int[np.ndarray, "elements corners"], nodes: int, block: int
-    ) -> "Pattern":
-        corners = node_of.shape[1]
-        key = (node_of[:, :, None] * nodes + node_of[:, None, :]).ravel()
-        # The diagonal always exists, so that an unconnected node is an explicit zero pivot.
-        diagonal = np.arange(nodes, dtype=np.int64) * (nodes + 1)
-        distinct, target = np.unique(np.concatenate([key, diagonal]), return_inverse=True)
-        row, column = np.divmod(distinct, max(nodes, 1))
-        target = target[: len(key)].astype(np.int32)
-        scatter = csr_array(
-            (np.ones(len(key)), (target, np.arange(len(key), dtype=np.int32))),
-            shape=(len(distinct), len(key)),
-        )
-        indptr = np.searchsorted(row, np.arange(nodes + 1)).astype(np.int32)
-        return cls(nodes * block, block, corners, indptr, column.astype(np.int32), scatter)
-
-    def assemble(self, values: Float[np.ndarray, "elements k k"]) -> csr_array:
-        """Sum element matrices into the global matrix, with sorted columns.
+        """Find the pattern of elements that couple all dofs of all their nodes.
 
         Args:
-            values: element matrices, rows and columns ordered as the elements' dofs.
-        """
-        c, b = self.corners, self.block
-        # element, row corner, row component, column corner, column component -> blocks
-        blocks = np.asarray(values).reshape(-1, c, b, c, b).transpose(0, 1, 3, 2, 4)
-        data = self.scatter @ blocks.reshape(-1, b * b)
-        K = bsr_array(
-            (data.reshape(-1, b, b), self.indices, self.indptr), shape=(self.dofs, self.dofs)
-        ).tocsr()
-        K.has_sorted_indices = True
-        return K
+            nodes_of_elements: nodes of each element.
+            nodes: number of nodes.
 
+        Raises:
+            FeaError: when an element refers to a node that does not exist.
+        """
+        owners = nodes_of_elements.astype(np.int64)
+        if owners.size and not 0 <= owners.min() <= owners.max() < nodes:
+            raise FeaError(
+                f"Elements refer to nodes {owners.min()} to {owners.max()}, but the model has "
+                f"nodes 0 to {nodes - 1}."
+            )
+        corners = owners.shape[1]
+        i, j = node_pairs(corners)
+        a, b = owners[:, i[corners:]], owners[:, j[corners:]]
+        key, edge = np.unique(np.minimum(a, b) * nodes + np.maximum(a, b), return_inverse=True)
+        low, high = np.divmod(key, max(nodes, 1))
+        edges = len(key)
+
+        # Row of `scatter` of each pair of each element.
+        row = np.concatenate(
+            [2 * edges + owners, edge.reshape(a.shape) + np.where(a < b, 0, edges)], axis=1
+        )
+        pairs = row.size
+        scatter = csc_array(
+            (np.ones(pairs), row.ravel().astype(np.int32), np.arange(pairs + 1, dtype=np.int32)),
+            shape=(2 * edges + nodes, pairs),
+        )
+        own = np.arange(nodes)
+        graph = coo_array(
+            (
+                np.arange(2 * edges + nodes),
+                (np.concatenate([low, high, own]), np.concatenate([high, low, own])),
+            ),
+            shape=(nodes, nodes),
+        ).tocsr()
+        graph.sort_indices()
+        place = np.zeros(2 * edges + nodes, dtype=np.int64)
+        place[np.asarray(graph.data, dtype=np.int64)] = np.arange(len(place))
+        upper, lower, diagonal = np.split(place, [edges, 2 * edges])
+        indptr, indices = graph.indptr.astype(np.int32), graph.indices.astype(np.int32)
+        return cls(nodes, corners, indptr, indices, upper, lower, diagonal, scatter)
+
+    def sums(
+        self, values: Float[np.ndarray, "elements pairs block block"]
+    ) -> tuple[Float[np.ndarray, "edges block block"], Float[np.ndarray, "nodes block block"]]:
+        """Sum the elements' pairs over the edges (a, b), a < b, and the nodes of the graph.
+
+        Args:
+            values: one matrix for each of `node_pairs`; that of (j, i) is its transpose.
+        """
+        block = values.shape[-1]
+        edges = len(self.upper)
+        total = (self.scatter @ values.reshape(-1, block * block)).reshape(-1, block, block)
+        return total[:edges] + total[edges : 2 * edges].transpose(0, 2, 1), total[2 * edges :]
+
+    def matrix(
+        self,
+        edge_blocks: Float[np.ndarray, "edges block block"],
+        node_blocks: Float[np.ndarray, "nodes block block"],
+    ) -> bsr_array:
+        """The symmetric matrix with these blocks."""
+        block = node_blocks.shape[-1]
+        data = np.zeros((len(self.indices), block, block))
+        data[self.upper] = edge_blocks
+        data[self.lower] = edge_blocks.transpose(0, 2, 1)
+        data[self.diagonal] = node_blocks
+        size = self.nodes * block
+        return bsr_array((data, self.indices, self.indptr), shape=(size, size))
+
+    def assemble(self, values: Float[np.ndarray, "elements pairs block block"]) -> bsr_array:
+        """The sum of element matrices that are given as `node_pairs`."""
+        return self.matrix(*self.sums(values))
+
+    @cached_property
     def components(self) -> Int[np.ndarray, " nodes"]:
         """Number of the connected part that each node belongs to."""
         from scipy.sparse.csgraph import connected_components
 
-        nodes = len(self.indptr) - 1
-        graph = csr_array((np.ones(len(self.indices)), self.indices, self.indptr), (nodes, nodes))
+        graph = csr_array(
+            (np.ones(len(self.indices)), self.indices, self.indptr), (self.nodes, self.nodes)
+        )
         return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
@@ -121,89 +149,77 @@ class Reduced:
 
     With u = p on the fixed dofs, K_ff u_f = f_f - K_fp p. Nodes with every dof fixed leave the
     matrix. A fixed dof of a node that also has free dofs stays as an uncoupled diagonal entry
-    with load zero, so that blocks stay whole (algebraic multigrid needs them); its prescribed
-    value is added afterwards.
+    with load zero, so that blocks stay whole (multigrid needs them); its prescribed value is added
+    afterwards.
 
     Attributes:
         fixed: dofs whose displacement is prescribed.
-        kept: dofs of the reduced matrix, ascending.
-        block: dofs of a node.
-        entries: positions in the data of K that make up the reduced matrix.
+        kept: nodes of the reduced matrix, ascending.
+        entries: positions of its blocks in the full matrix.
         indptr: row starts of the reduced matrix.
-        indices: columns of the reduced matrix.
+        indices: block columns of the reduced matrix.
+        masked: positions, among its blocks, of those with a fixed dof.
+        mask: which of their entries stay.
     """
 
-    fixed: Bool[np.ndarray, " dofs"]
+    fixed: Bool[np.ndarray, "nodes block"]
     kept: Int[np.ndarray, " kept"]
-    block: int
-    entries: Int[np.ndarray, " entries"]
+    entries: Int[np.ndarray, " blocks"]
     indptr: Int[np.ndarray, " rows"]
-    indices: Int[np.ndarray, " entries"]
+    indices: Int[np.ndarray, " blocks"]
+    masked: Int[np.ndarray, " masked"]
+    mask: Bool[np.ndarray, "masked block block"]
 
     @classmethod
-    def from_matrix(
-        cls, K: csr_array, fixed: Bool[np.ndarray, " dofs"], *, block: int = 1
-    ) -> "Reduced":
-        """Prepare the reduction of every matrix with the pattern of K.
+    def from_pattern(cls, pattern: Pattern, fixed: Bool[np.ndarray, "nodes block"]) -> "Reduced":
+        """Prepare the reduction of every matrix with this pattern.
 
         Args:
-            K: a matrix made by `Pattern.assemble`.
+            pattern: of the full matrix.
             fixed: dofs whose displacement is prescribed.
-            block: dofs of a node.
         """
-        kept_dof = np.repeat(~fixed.reshape(-1, block).all(axis=1), block)
-        free = ~fixed
-        row = np.repeat(np.arange(len(K.indptr) - 1, dtype=np.int32), np.diff(K.indptr))
-        stays = (free[row] & free[K.indices]) | (kept_dof[row] & (row == K.indices))
-        entries = np.flatnonzero(stays)
-        number = np.cumsum(kept_dof) - 1
-        kept = np.flatnonzero(kept_dof)
-        per_row = np.bincount(number[row[entries]], minlength=len(kept))
+        stays = np.logical_not(fixed.all(axis=1))
+        row = np.repeat(np.arange(pattern.nodes), np.diff(pattern.indptr))
+        column = pattern.indices
+        entries = np.flatnonzero(stays[row] & stays[column])
+        row, column = row[entries], column[entries]
+        number = np.cumsum(stays) - 1
+        kept = np.flatnonzero(stays)
+        per_row = np.bincount(number[row], minlength=len(kept))
         indptr = np.concatenate([[0], np.cumsum(per_row)]).astype(np.int32)
-        indices = number[K.indices[entries]].astype(np.int32)
-        return cls(fixed, kept, block, entries, indptr, indices)
+        partly = np.array(fixed.any(axis=1))
+        masked = np.flatnonzero(partly[row] | partly[column])
+        free = ~fixed
+        mask = free[row[masked]][:, :, None] & free[column[masked]][:, None, :]
+        own = row[masked] == column[masked]
+        mask |= own[:, None, None] & np.eye(fixed.shape[1], dtype=bool)
+        indices = number[column].astype(np.int32)
+        return cls(fixed, kept, entries, indptr, indices, masked, mask)
 
-    def matrix(self, K: csr_array) -> csr_array:
+    def matrix(self, K: bsr_array) -> bsr_array:
         """The reduced matrix of a K with the pattern this was prepared for."""
-        size = len(self.kept)
-        reduced = csr_array((K.data[self.entries], self.indices, self.indptr), (size, size))
-        reduced.has_sorted_indices = True
-        return reduced
+        data = K.data[self.entries]
+        data[self.masked] *= self.mask
+        size = len(self.kept) * K.blocksize[0]
+        return bsr_array((data, self.indices, self.indptr), shape=(size, size))
 
-    def restrict(self, field: Float[np.ndarray, "dofs ..."]) -> Float[np.ndarray, "kept ..."]:
-        """Values on the reduced dofs, zero where a kept dof is fixed."""
+    def restrict(self, field: Float[np.ndarray, "nodes block *more"]) -> np.ndarray:
+        """Values on the reduced dofs [kept * block, ...], zero where a kept dof is fixed."""
         kept = field[self.kept].copy()
         kept[self.fixed[self.kept]] = 0.0
-        return kept
-
-    def load(
-        self,
-        K: csr_array,
-        forces: Float[np.ndarray, "dofs ..."],
-        prescribed: Float[np.ndarray, "dofs ..."],
-    ) -> Float[np.ndarray, "kept ..."]:
-        """Right-hand side f_f - K_fp p of the reduced system.
-
-        Args:
-            K: the full matrix.
-            forces: nodal forces, one column a load case.
-            prescribed: prescribed displacements, anything on free dofs; shaped as `forces`.
-        """
-        p = self._on_fixed(prescribed)
-        return self.restrict(forces - K @ p if p.any() else forces)
+        return kept.reshape(-1, *field.shape[2:])
 
     def expand(
-        self,
-        x: Float[np.ndarray, "kept ..."],
-        prescribed: Float[np.ndarray, "dofs ..."],
-    ) -> Float[np.ndarray, "dofs ..."]:
-        """The full field: the solution on free dofs, the prescribed values on fixed dofs."""
-        u = self._on_fixed(prescribed)
-        free = ~self.fixed[self.kept]
-        u[self.kept[free]] = x[free]
-        return u
+        self, x: Float[np.ndarray, "dofs cases"], value: Float[np.ndarray, "nodes block"]
+    ) -> Float[np.ndarray, "cases nodes block"]:
+        """The full fields: solutions on free dofs, the prescribed value on fixed dofs.
 
-    def _on_fixed(self, field: Float[np.ndarray, "dofs ..."]) -> Float[np.ndarray, "dofs ..."]:
-        values = np.zeros_like(field)
-        values[self.fixed] = field[self.fixed]
-        return values
+        Args:
+            x: solutions of the reduced system, one a column.
+            value: prescribed displacements, anything on free dofs.
+        """
+        nodes, block = self.fixed.shape
+        u = np.zeros((x.shape[1], nodes, block))
+        u[:, self.kept] = x.T.reshape(-1, len(self.kept), block)
+        u[:, self.fixed] = value[self.fixed]
+        return u

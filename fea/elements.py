@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from fea.assembly import node_pairs
 from fea.quadrature import (
     TETRAHEDRON_1,
     TETRAHEDRON_2,
@@ -18,6 +19,7 @@ from fea.quadrature import (
     TRIANGLE_4,
     Quadrature,
 )
+from fea.voigt import COMPONENT
 
 # Ends of the edge each mid-edge node sits on.
 TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
@@ -149,10 +151,71 @@ def physical_gradients(
     return jnp.einsum("qnr,cqrx->cqnx", reference, cofactor / det[..., None, None]), det
 
 
-def strain_displacement(
-    gradients: Float[Array, "cells quad corners 3"],
-) -> Float[Array, "cells quad 6 k"]:
-    """The matrix B: strain 6-vector = B times the displacements (ux, uy, uz of each node)."""
+def gradient_products(
+    x: Float[Array, "cells corners 3"],
+    modulus: Float[Array, "cells samples"],
+    element: Element,
+) -> Float[Array, "cells pairs 3 3"]:
+    """∫ E ∇N_a ⊗ ∇N_b dV of the node pairs (a, b) of `fea.assembly.node_pairs`.
+
+    The stiffness of the pair is linear in this: K_ab[i, k] = C[ijkl] ∫ E N_a,j N_b,l dV. So where
+    C is one for the whole solid, it is applied after these have been summed over the cells.
+
+    Args:
+        x: node positions of each cell [mm].
+        modulus: relative modulus E at the quadrature points, or one a cell.
+        element: shape functions and quadrature.
+    """
+    gradients, det = physical_gradients(x, element.gradient_at_quadrature)
     cells, quad, corners, _ = gradients.shape
-    B = jnp.einsum("vij,cqnj->cqvni", STRAIN, gradients)
-    return B.reshape(cells, quad, 6, 3 * corners)
+    weight = modulus * (det * element.quadrature.weights[None, :])
+    a, b = node_pairs(corners)
+    if quad == 1:
+        # One product each: XLA fuses this, where it would call a matrix product for a sum.
+        one = gradients[:, 0]
+        return (weight[:, :, None] * one)[:, a, :, None] * one[:, b, None, :]
+    columns = gradients.reshape(cells, quad, 3 * corners)
+    whole = jnp.einsum("cqm,cqn->cmn", weight[:, :, None] * columns, columns)
+    return whole.reshape(cells, corners, 3, corners, 3).transpose(0, 1, 3, 2, 4)[:, a, b]
+
+
+def displacement_gradients(
+    x: Float[Array, "cells corners 3"],
+    u: Float[Array, "*cases cells corners 3"],
+    element: Element,
+) -> tuple[Float[Array, "*cases cells quad 3 3"], Float[Array, "cells quad"]]:
+    """du_i/dx_j at the quadrature points, and the volume that each stands for [mm³]."""
+    gradients, det = physical_gradients(x, element.gradient_at_quadrature)
+    H = jnp.einsum("...cni,cqnj->...cqij", u, gradients)
+    return H, det * element.quadrature.weights[None, :]
+
+
+def strain(
+    displacement_gradient: Float[Array, "*shape 3 3"],
+) -> Float[Array, "*shape 6"]:
+    """Strain 6-vector with engineering shears."""
+    return jnp.einsum("vij,...ij->...v", STRAIN, displacement_gradient)
+
+
+def elasticity_tensor(C: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "3 3 3 3"]:
+    """C[ijkl] with stress_ij = C[ijkl] du_k/dx_l, from the elasticity matrix."""
+    return np.einsum("vij,vw,wkl->ijkl", STRAIN, C, STRAIN)
+
+
+def cell_forces(
+    displacement_gradient: Float[Array, "cells quad 3 3"],
+    gradients: Float[Array, "cells quad corners 3"],
+    weight: Float[Array, "cells quad"],
+    C: Float[Array | np.ndarray, "6 6"],
+) -> Float[Array, "cells corners 3"]:
+    """Nodal forces ∫ stress ∇N dV that hold a displacement [N].
+
+    Args:
+        displacement_gradient: du_i/dx_j at the quadrature points.
+        gradients: of the shape functions in space.
+        weight: relative modulus times the volume that each point stands for [mm³].
+        C: elasticity matrix [MPa].
+    """
+    stress = jnp.einsum("vw,cqw->cqv", C, strain(displacement_gradient))
+    tensor = stress[..., COMPONENT] * weight[..., None, None]
+    return jnp.einsum("cqij,cqnj->cni", tensor, gradients)

@@ -1,20 +1,52 @@
-"""Isotropic linear elastic materials: valid by construction, and a table of common ones."""
+"""Linear elastic materials, valid by construction, and a table of common ones."""
 
 import difflib
 import math
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
 from fea.errors import FeaError
+from fea.precision import refuse_single_precision
+from fea.voigt import turned_stiffness
 
 # Tonnes per mm³ in one g/cm³: the table and people use g/cm³.
 TONNE_PER_MM3 = 1e-9
 
+# Axes of nu_yz, nu_xz, nu_xy and of the shear moduli: the Voigt order.
+PAIRS = ((1, 2), (0, 2), (0, 1))
+
+# Least eigenvalue of a compliance scaled to a unit diagonal; an isotropic material with
+# nu = 0.4999999 has 2e-7.
+POSITIVE = 1e-12
+
+# Axes typed with seven digits pass; the stiffness is then as exact.
+ORTHONORMAL = 1e-6
+
+
+class AbstractMaterial(ABC):
+    """A linear elastic material, equal in all cells.
+
+    Attributes:
+        density: [tonne/mm³].
+        yield_stress: [MPa], or None where strength is not asked for.
+        name: what reports call it.
+    """
+
+    density: float
+    yield_stress: float | None
+    name: str
+
+    @property
+    @abstractmethod
+    def stiffness(self) -> Float[np.ndarray, "6 6"]:
+        """Elasticity matrix C in global axes: stress 6-vector = C strain 6-vector [MPa]."""
+
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class Material(AbstractMaterial):
     """An isotropic linear elastic material.
 
     Attributes:
@@ -35,23 +67,13 @@ class Material:
     name: str = "custom"
 
     def __post_init__(self):
-        if not (math.isfinite(self.E) and self.E > 0):
-            raise FeaError(f'Material "{self.name}": E = {self.E:g} MPa must be positive.')
+        _check_positive(self, E=self.E)
         if not -1 < self.nu < 0.5:
             raise FeaError(
                 f'Material "{self.name}": nu = {self.nu:g} must lie between -1 and 0.5 (both '
                 "excluded); use 0.49 for a nearly incompressible material."
             )
-        if not (math.isfinite(self.density) and self.density >= 0):
-            raise FeaError(
-                f'Material "{self.name}": density = {self.density:g} must not be negative.'
-            )
-        if self.yield_stress is not None and not (
-            math.isfinite(self.yield_stress) and self.yield_stress > 0
-        ):
-            raise FeaError(
-                f'Material "{self.name}": yield = {self.yield_stress:g} MPa must be positive.'
-            )
+        _check_density_and_yield(self)
 
     @property
     def shear_modulus(self) -> float:
@@ -70,6 +92,109 @@ class Material:
         C = np.diag([2 * mu, 2 * mu, 2 * mu, mu, mu, mu])
         C[:3, :3] += lam
         return C
+
+
+@dataclass(frozen=True, eq=False)
+class Orthotropic(AbstractMaterial):
+    """A linear elastic material with three planes of symmetry, normal to its own axes x, y, z.
+
+    nu_xy is the contraction along y under tension along x, -eps_y/eps_x, so that the compliance
+    has S_xy = -nu_xy/Ex = -nu_yx/Ey (R. M. Jones, Mechanics of Composite Materials, 2nd ed.,
+    section 2.3). Beware of data sheets that name nu the other way round.
+
+    Attributes:
+        E: Young's moduli Ex, Ey, Ez [MPa].
+        nu: Poisson's ratios nu_yz, nu_xz, nu_xy.
+        G: shear moduli G_yz, G_xz, G_xy [MPa].
+        axes: the material's axes x, y, z as rows, in global components; the global axes by default.
+        density: [tonne/mm³].
+        yield_stress: [MPa], or None where strength is not asked for.
+        name: what reports call it.
+
+    Raises:
+        FeaError: when a modulus is not positive, Poisson's ratios would make the material yield
+            energy, or axes are not three unit vectors at right angles.
+    """
+
+    E: tuple[float, float, float]
+    nu: tuple[float, float, float]
+    G: tuple[float, float, float]
+    axes: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    density: float = 0.0
+    yield_stress: float | None = None
+    name: str = "custom"
+
+    def __post_init__(self):
+        _check_positive(
+            self,
+            **dict(zip(("Ex", "Ey", "Ez"), self.E, strict=True)),
+            **dict(zip(("G_yz", "G_xz", "G_xy"), self.G, strict=True)),
+        )
+        for (i, j), ratio in zip(PAIRS, self.nu, strict=True):
+            # Of each 2x2 minor of the compliance; not enough for all three together.
+            limit = math.sqrt(self.E[i] / self.E[j])
+            if not abs(ratio) < limit:
+                a, b = "xyz"[i], "xyz"[j]
+                raise FeaError(
+                    f'Material "{self.name}": nu_{a}{b} = {ratio:g} must lie between -{limit:.4g} '
+                    f"and {limit:.4g}, the square root of E{a}/E{b}; nu_{a}{b} is the contraction "
+                    f"along {b} under tension along {a}: perhaps nu_{b}{a} is meant."
+                )
+        # In units of sqrt(Ei Ej) the normal part has ones on its diagonal.
+        root = np.sqrt(np.array(self.E))
+        least = float(np.linalg.eigvalsh(self.compliance[:3, :3] * np.outer(root, root))[0])
+        if not least > POSITIVE:
+            raise FeaError(
+                f'Material "{self.name}": Poisson\'s ratios nu_yz, nu_xz, nu_xy = '
+                f"{', '.join(f'{ratio:g}' for ratio in self.nu)} are too large together: the "
+                "compliance must be positive definite, or some load would be resisted by nothing; "
+                "lower them."
+            )
+        refuse_single_precision(self.axes, "Axes of the material")
+        skew = float(np.abs(self.axes @ self.axes.T - np.eye(3)).max())
+        if not skew < ORTHONORMAL:
+            raise FeaError(
+                f'Material "{self.name}": its axes must be three unit vectors at right angles, one '
+                f"a row; their products differ from that by {skew:.2g}. Make them so, as with "
+                "scipy.spatial.transform.Rotation."
+            )
+        _check_density_and_yield(self)
+
+    @property
+    def compliance(self) -> Float[np.ndarray, "6 6"]:
+        """Compliance S in the material's own axes: strain 6-vector = S stress 6-vector [1/MPa]."""
+        S = np.diag(1 / np.array([*self.E, *self.G]))
+        for (i, j), ratio in zip(PAIRS, self.nu, strict=True):
+            S[i, j] = S[j, i] = -ratio / self.E[i]
+        return S
+
+    @property
+    def stiffness(self) -> Float[np.ndarray, "6 6"]:
+        """Elasticity matrix C in global axes: stress 6-vector = C strain 6-vector [MPa]."""
+        # The block of normal stresses alone is coupled: its inverse keeps the zeros exact.
+        C = np.diag(np.array([0.0, 0.0, 0.0, *self.G]))
+        C[:3, :3] = np.linalg.inv(self.compliance[:3, :3])
+        C[:3, :3] = (C[:3, :3] + C[:3, :3].T) / 2
+        # From the material's axes to the global ones: what lies along global x is turned to axis x.
+        return turned_stiffness(C, self.axes.T)
+
+
+def _check_positive(material: AbstractMaterial, **moduli: float) -> None:
+    for name, modulus in moduli.items():
+        if not (math.isfinite(modulus) and modulus > 0):
+            raise FeaError(
+                f'Material "{material.name}": {name} = {modulus:g} MPa must be positive.'
+            )
+
+
+def _check_density_and_yield(material: AbstractMaterial) -> None:
+    if not (math.isfinite(material.density) and material.density >= 0):
+        raise FeaError(
+            f'Material "{material.name}": density = {material.density:g} must not be negative.'
+        )
+    strength = material.yield_stress
+    if strength is not None and not (math.isfinite(strength) and strength > 0):
+        raise FeaError(f'Material "{material.name}": yield = {strength:g} MPa must be positive.')
 
 
 # E [MPa], nu, density [g/cm³], yield stress (0.2 % proof, or tensile strength of brittle

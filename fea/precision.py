@@ -1,6 +1,7 @@
 """Mechanics is computed in float64; this is where that is checked."""
 
 import jax
+import numpy as np
 
 from fea.errors import FeaError
 
@@ -15,4 +16,22 @@ def require_x64() -> None:
         raise FeaError(
             "JAX computes in float32 here, which is too coarse for stiffness matrices; call "
             'jax.config.update("jax_enable_x64", True) at the start of the program.'
+        )
+
+
+def refuse_single_precision(values: np.ndarray, what: str) -> None:
+    """Raise when an array holds floats of fewer than 64 bits.
+
+    Args:
+        values: any array.
+        what: it in words, plural: the beginning of the message.
+
+    Raises:
+        FeaError: for float32 and float16.
+    """
+    if values.dtype.kind == "f" and values.dtype.itemsize < 8:
+        raise FeaError(
+            f"{what} are {values.dtype}, single precision, which is too coarse for stiffness "
+            "matrices; give float64, from the start where you can (converted afterwards they keep "
+            "7 digits)."
         )

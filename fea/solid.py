@@ -1,228 +1,338 @@
 """Linear elasticity of a solid on tetrahedra: displacement, stress, reactions, compliance."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
-from scipy.sparse import csr_array
+from jax.tree_util import Partial
+from jaxtyping import Array, Bool, Float, Int
+from scipy.sparse import bsr_array, csc_array
 
-from fea.assembly import Pattern, Reduced
+from fea.assembly import Pattern, node_pairs
 from fea.boundary_conditions import Support, prescribed_dofs
-from fea.elements import TETRAHEDRA, physical_gradients, strain_displacement
+from fea.elements import (
+    STRAIN,
+    TETRAHEDRA,
+    cell_forces,
+    displacement_gradients,
+    elasticity_tensor,
+    gradient_products,
+    physical_gradients,
+    strain,
+)
+from fea.equilibrium import AbstractProblem, AbstractSolution, equilibrium
+from fea.error_estimate import ErrorEstimate, estimate_error
 from fea.errors import FeaError
-from fea.linear_solve import Factor, factorise
-from fea.materials import Material
-from fea.precision import require_x64
-from fea.rigid_motion import free_motion, rigid_body_modes
-from fea.stress_recovery import nodal_stress
+from fea.linear_solve.element_operator import ElementOperator
+from fea.materials import AbstractMaterial
+from fea.mechanisms import free_body
+from fea.precision import refuse_single_precision
+from fea.stress_recovery import recovered_stress
 from fea.tet_mesh import TetMesh
 
-# Cells whose element matrices are computed at once: 100 MB of strain matrices for tet10.
+ArrayLike = Array | np.ndarray
+
+# Cells computed at once: their arrays stay in the processor's cache (tet4: 6 MB of products), and
+# JAX compiles once for all meshes.
 CELLS_AT_ONCE = 8192
 
 
 @dataclass(frozen=True, eq=False)
-class SolidSolution:
-    """What the load cases do to a solid.
+class SolidProblem(AbstractProblem):
+    """A supported solid under loads.
 
     Attributes:
-        displacement: [mm].
-        stress: recovered at the nodes [MPa], Voigt order.
-        reaction: total force of the supports on the solid [N]; balances the loads.
-        compliance: sum of u.f over the nodal forces of each case [N mm].
-        residual: largest |f - K u| / |f| of the linear solve over the cases.
-    """
-
-    displacement: Float[np.ndarray, "cases nodes 3"]
-    stress: Float[np.ndarray, "cases nodes 6"]
-    reaction: Float[np.ndarray, "cases 3"]
-    compliance: Float[np.ndarray, " cases"]
-    residual: float
-
-
-@dataclass(frozen=True, eq=False)
-class SolidModel:
-    """A supported solid, factorised: ready for any number of loads.
-
-    Attributes:
-        mesh: the mesh.
+        mesh: tetrahedra of positive volume; tet4 locks in bending and near nu = 0.5, so stresses
+            for design come from tet10.
         material: the material of all cells.
-        K: stiffness of the free-floating solid, rows ux, uy, uz of each node [N/mm].
         fixed: which displacements are prescribed.
-        prescribed: their values [mm].
-        reduced: K without the prescribed dofs.
-        factor: factor of the reduced matrix.
+        value: prescribed displacement [mm]; ignored where not fixed.
+        forces: nodal forces [N] of each load case, made by `fea.boundary_conditions`.
+        modulus: factor on the material's stiffness: one a cell, or one at each of its quadrature
+            points (`Element.shape_at_quadrature` takes nodal values there).
     """
 
     mesh: TetMesh
-    material: Material
-    K: csr_array
+    material: AbstractMaterial
     fixed: Bool[np.ndarray, "nodes 3"]
-    prescribed: Float[np.ndarray, "nodes 3"]
-    reduced: Reduced
-    factor: Factor
+    value: Float[np.ndarray, "nodes 3"]
+    forces: Float[np.ndarray, "cases nodes 3"]
+    modulus: Float[np.ndarray, "cells samples"]
 
     @classmethod
     def from_supports(
         cls,
         mesh: TetMesh,
-        material: Material,
+        material: AbstractMaterial,
         supports: Sequence[Support],
+        forces: Float[np.ndarray, "*cases nodes 3"],
         *,
-        solver: str = "auto",
-    ) -> "SolidModel":
-        """Assemble, remove the supports, factorise.
+        modulus: Float[np.ndarray, "cells samples"] | None = None,
+    ) -> "SolidProblem":
+        """A problem from supports on nodes.
 
         Args:
-            mesh: tetrahedra of positive volume.
+            mesh: tetrahedra.
             material: the material of all cells.
             supports: prescribed displacements; together they hold every rigid motion.
-            solver: see `fea.linear_solve.factorise`.
+            forces: nodal forces [N] of one load case, or of several.
+            modulus: factor on the material's stiffness; ones by default.
 
         Raises:
-            FeaError: for inverted cells, nodes outside all cells, supports that contradict each
-                other or leave a rigid motion, or a solver that fails.
+            FeaError: when supports contradict each other or name nodes that do not exist.
         """
-        require_x64()
-        _check_mesh(mesh)
-        fixed, prescribed = prescribed_dofs(tuple(supports), len(mesh.nodes))
-        pattern = Pattern.from_nodes(mesh.tets, len(mesh.nodes), block=3)
-        _check_supports(mesh, pattern, fixed)
-        K = pattern.assemble(element_stiffness(mesh, material.stiffness))
-        reduced = Reduced.from_matrix(K, fixed.ravel(), block=3)
-        modes = reduced.restrict(rigid_body_modes(mesh.nodes))
-        factor = factorise(reduced.matrix(K), near_null=modes, block=3, solver=solver)
-        return cls(mesh, material, K, fixed, prescribed, reduced, factor)
+        fixed, value = prescribed_dofs(tuple(supports), len(mesh.nodes))
+        if modulus is None:
+            modulus = np.ones((len(mesh.tets), 1))
+        return cls(mesh, material, fixed, value, forces.reshape(-1, *forces.shape[-2:]), modulus)
 
-    def solve(
-        self,
-        forces: Float[np.ndarray, "cases nodes 3"],
-        *,
-        start: Float[np.ndarray, "cases nodes 3"] | None = None,
-    ) -> SolidSolution:
-        """Solve all load cases with the one factor.
+    @property
+    def points(self) -> Float[np.ndarray, "nodes 3"]:
+        """Positions of the nodes [mm]."""
+        return self.mesh.nodes
 
-        Args:
-            forces: nodal forces [N].
-            start: displacements to start an iterative solver from [mm].
+    @property
+    def connectivity(self) -> Int[np.ndarray, "cells corners"]:
+        """Nodes of each cell."""
+        return self.mesh.tets
+
+    @property
+    def parameters(self) -> dict[str, np.ndarray]:
+        """Node positions [mm] and relative modulus."""
+        return {"nodes": self.mesh.nodes, "modulus": self.modulus}
+
+    def with_parameters(self, values: Mapping[str, np.ndarray]) -> "SolidProblem":
+        """The same problem with other nodes, modulus, forces or prescribed values."""
+        given = dict(values)
+        nodes = given.pop("nodes", None)
+        mesh = self.mesh if nodes is None else self.mesh.with_nodes(nodes)
+        return replace(self, mesh=mesh, **given)
+
+    def check(self) -> None:
+        """Refuse impossible meshes, moduli and supports.
 
         Raises:
-            FeaError: when forces are not numbers or the solver fails.
+            FeaError: for inverted cells, nodes outside all cells, a modulus that is not positive,
+                or supports that leave a motion free.
         """
-        shape = forces.shape
-        if shape[1:] != self.mesh.nodes.shape:
+        self.mesh.check()
+        refuse_single_precision(self.modulus, "Relative moduli")
+        if not (self.modulus > 0).all() or not np.isfinite(self.modulus).all():
+            cell = int(np.argmin(np.where(np.isfinite(self.modulus), self.modulus, -np.inf).min(1)))
             raise FeaError(
-                f"Forces are given for {shape[1]} nodes, but the mesh has {len(self.mesh.nodes)}."
+                f"The relative modulus of cell {cell} is {self.modulus[cell].min():g}; moduli must "
+                "be positive numbers (a void is a small one, such as 1e-6)."
             )
-        f = forces.reshape(shape[0], -1).T  # dof, case
-        p = np.repeat(self.prescribed.reshape(-1, 1), shape[0], axis=1)
-        x0 = None
-        if start is not None:
-            x0 = self.reduced.restrict(start.reshape(shape[0], -1).T)
-        solution = self.factor.solve(self.reduced.load(self.K, f, p), x0=x0)
-        u = self.reduced.expand(solution.x, p)
-        unbalanced = np.where(self.fixed.ravel()[:, None], self.K @ u - f, 0.0)
-        displacement = np.ascontiguousarray(u.T).reshape(shape)
-        return SolidSolution(
-            displacement=displacement,
-            stress=nodal_stress(self.mesh, self.material.stiffness, displacement),
-            reaction=unbalanced.T.reshape(shape).sum(axis=1),
-            compliance=np.einsum("dc,dc->c", u, f),
-            residual=solution.residual,
+        if not self.fixed.any():
+            raise FeaError("No displacement is prescribed; add a support.")
+        body = free_body(self.mesh, self.fixed)
+        if body:
+            raise FeaError(f"Supports leave a free motion: {body}; add a support that holds it.")
+
+    def solved(
+        self, *, previous: "SolidSolution | None" = None, solver: str = "auto"
+    ) -> "SolidSolution":
+        """See `solve_solid`."""
+        return SolidSolution(self, *equilibrium(self, previous=previous, solver=solver))
+
+    def stiffness(self, pattern: Pattern) -> bsr_array:
+        """K of the free-floating solid, rows ux, uy, uz of each node [N/mm].
+
+        K_e = ∫ Bᵀ C B dV (Bathe, Finite Element Procedures, 2nd ed., equation 4.33), assembled as
+        explained in `gradient_products`.
+        """
+        element, mesh = self.mesh.element_type, self.mesh
+        pairs = len(node_pairs(len(element.nodes))[0])
+        products = np.zeros((len(mesh.tets), pairs, 3, 3))
+        for cells, some in _blocks(len(mesh.tets)):
+            block = _products(mesh.nodes[mesh.tets[some]], self.modulus[some])
+            products[cells] = np.asarray(block)[: len(products[cells])]
+        C = elasticity_tensor(self.material.stiffness)
+        apply = C.transpose(1, 3, 0, 2).reshape(9, 9)  # (j, l) -> (i, k)
+        edges, nodes = (
+            (blocks.reshape(-1, 9) @ apply).reshape(-1, 3, 3) for blocks in pattern.sums(products)
+        )
+        return pattern.matrix(edges, nodes)
+
+    def operator(self, fixed: Bool[np.ndarray, "nodes 3"]) -> ElementOperator:
+        """K as products of cells: 12 (tet4) or 124 (tet10) numbers a cell are kept."""
+        mesh = self.mesh
+        element = mesh.element_type
+        gradients, det = _physical_gradients(mesh.nodes[mesh.tets])
+        weight = self.modulus * det * element.quadrature.weights[None, :]
+        C, free = jnp.asarray(self.material.stiffness), jnp.asarray(~fixed)
+        cells = (gradients, weight, jnp.asarray(mesh.tets), C, free)
+        return ElementOperator(Partial(_product, cells), _diagonal(cells))
+
+    def bilinear_gradient(
+        self, v: Float[np.ndarray, "cases nodes 3"], u: Float[np.ndarray, "cases nodes 3"]
+    ) -> dict[str, np.ndarray]:
+        """Derivative of sum_c v_c' K u_c by node positions [N] and relative modulus [N mm]."""
+        tets = self.mesh.tets
+        C = self.material.stiffness
+        by_position = np.zeros((*tets.shape, 3))
+        by_modulus = np.zeros(self.modulus.shape)
+        for cells, some in _blocks(len(tets)):
+            at = tets[some]
+            fields = (v[:, at], u[:, at])
+            dx, dE = _bilinear_gradient(self.mesh.nodes[at], self.modulus[some], fields, C)
+            by_position[cells] = np.asarray(dx)[: len(by_position[cells])]
+            by_modulus[cells] = np.asarray(dE)[: len(by_modulus[cells])]
+        corners = tets.size
+        gather = csc_array(
+            (np.ones(corners), tets.ravel(), np.arange(corners + 1)),
+            shape=(len(self.mesh.nodes), corners),
+        )
+        return {"nodes": gather @ by_position.reshape(-1, 3), "modulus": by_modulus}
+
+
+@dataclass(frozen=True, eq=False)
+class SolidSolution(AbstractSolution):
+    """What the load cases do to a solid; see `AbstractSolution` for displacement and reaction."""
+
+    problem: SolidProblem
+
+    @cached_property
+    def quadrature_stress(self) -> Float[np.ndarray, "cases cells quad 6"]:
+        """Stress at the quadrature points of each cell [MPa], Voigt order.
+
+        These are the points of best accuracy (Barlow 1976).
+        """
+        problem, mesh = self.problem, self.problem.mesh
+        quad = len(mesh.element_type.quadrature.weights)
+        stress = np.zeros((len(self.displacement), len(mesh.tets), quad, 6))
+        for cells, some in _blocks(len(mesh.tets)):
+            at = mesh.tets[some]
+            block = _stress(
+                mesh.nodes[at],
+                problem.modulus[some],
+                self.displacement[:, at],
+                problem.material.stiffness,
+            )
+            stress[:, cells] = np.asarray(block)[:, : stress[:, cells].shape[1]]
+        return stress
+
+    @cached_property
+    def stress(self) -> Float[np.ndarray, "cases nodes 6"]:
+        """Stress recovered at the nodes [MPa], Voigt order; see `fea.stress_recovery`."""
+        return recovered_stress(self.problem.mesh, self.quadrature_stress)
+
+    @cached_property
+    def error_estimate(self) -> ErrorEstimate:
+        """Estimated error of each cell and of each load case; see `fea.error_estimate`."""
+        problem = self.problem
+        return estimate_error(
+            problem.mesh,
+            problem.material.stiffness,
+            self.quadrature_stress,
+            self.stress,
+            modulus=problem.modulus,
         )
 
 
 def solve_solid(
-    mesh: TetMesh,
-    material: Material,
-    supports: Sequence[Support],
-    forces: Float[np.ndarray, "cases nodes 3"],
-    *,
-    solver: str = "auto",
+    problem: SolidProblem, *, previous: SolidSolution | None = None, solver: str = "auto"
 ) -> SolidSolution:
-    """Displacement, nodal stress, reaction and compliance of every load case.
+    """Displacement, stress, reaction and compliance of every load case.
 
     Args:
-        mesh: tetrahedra of positive volume; tet4 locks in bending and near nu = 0.5, so stresses
-            for design come from tet10.
-        material: the material of all cells.
-        supports: prescribed displacements; together they hold every rigid motion.
-        forces: nodal forces [N], made by `fea.boundary_conditions`.
-        solver: "auto", "pardiso", "superlu" or "amg".
+        problem: the solid and its loads.
+        previous: solution of the same cells and supports with other node positions, modulus,
+            prescribed values or forces; what can be reused is. Its factor is spent afterwards.
+        solver: "auto", "pardiso", "superlu", "amg" or "jax-cg"; see `fea.linear_solve.factorise`.
 
     Raises:
-        FeaError: for inverted cells, supports that contradict each other or leave a rigid motion,
-            forces that are not numbers, or a solver that fails.
+        FeaError: for inverted cells, supports that leave a rigid motion, numbers that are none, or
+            a solver that fails; the message names the place and the remedy.
     """
-    model = SolidModel.from_supports(mesh, material, supports, solver=solver)
-    solution = model.solve(forces)
-    model.factor.free()
-    return solution
+    return problem.solved(previous=previous, solver=solver)
 
 
-def element_stiffness(mesh: TetMesh, C: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "cells k k"]:
-    """Stiffness matrices of all cells [N/mm], rows ux, uy, uz of each node.
-
-    K_e = ∫ Bᵀ C B dV (Bathe, Finite Element Procedures, 2nd ed., equation 4.33).
-    """
-    require_x64()
-    cells, corners = mesh.tets.shape
-    # Blocks of one size, so that JAX compiles once; a power of two, so that meshes share it.
-    size = min(CELLS_AT_ONCE, 1 << (cells - 1).bit_length())
-    K = np.zeros((cells, 3 * corners, 3 * corners))
-    for first in range(0, cells, size):
-        cell = np.arange(first, first + size) % cells
-        block = np.asarray(_stiffness(mesh.nodes[mesh.tets[cell]], C, corners=corners))
-        K[first : first + size] = block[: cells - first]
-    return K
-
-
-@partial(jax.jit, static_argnames="corners")
-def _stiffness(
-    x: Float[Array | np.ndarray, "cells corners 3"],
-    C: Float[Array | np.ndarray, "6 6"],
+def quadrature_stress(
+    problem: SolidProblem,
+    displacement: Float[ArrayLike, "cases nodes 3"],
     *,
-    corners: int,
-) -> Float[Array, "cells k k"]:
-    element = TETRAHEDRA[corners]
-    gradients, det = physical_gradients(jnp.asarray(x), element.gradient_at_quadrature)
-    B = strain_displacement(gradients)
-    weighted = B * (det * element.quadrature.weights[None, :])[:, :, None, None]
-    # cell, quad point, Voigt, dof
-    CB = jnp.einsum("vw,cqwj->cqvj", C, weighted)
-    return jnp.einsum("cqvi,cqvj->cij", B, CB)
+    nodes: Float[ArrayLike, "nodes 3"] | None = None,
+    modulus: Float[ArrayLike, "cells samples"] | None = None,
+) -> Float[Array, "cases cells quad 6"]:
+    """Stress at the quadrature points of each cell [MPa], for JAX to differentiate.
+
+    Args:
+        problem: gives cells and material, and what the arguments leave out.
+        displacement: of the nodes [mm].
+        nodes: their positions [mm].
+        modulus: relative modulus.
+    """
+    mesh = problem.mesh
+    x = jnp.asarray(mesh.nodes if nodes is None else nodes)
+    E = jnp.asarray(problem.modulus if modulus is None else modulus)
+    u = jnp.asarray(displacement)
+    return _stress(x[mesh.tets], E, u[:, mesh.tets], problem.material.stiffness)
 
 
-def _check_mesh(mesh: TetMesh) -> None:
-    if not np.isfinite(mesh.nodes).all():
-        raise FeaError("Some mesh nodes have positions that are not numbers.")
-    inverted = int((~(mesh.jacobians > 0)).any(axis=1).sum())
-    if inverted:
-        raise FeaError(
-            f"{inverted} of {len(mesh.tets)} tetrahedra are flat or inverted; remesh, or reverse "
-            "the order of two of their nodes."
-        )
-    outside = len(mesh.nodes) - len(np.unique(mesh.tets))
-    if outside:
-        raise FeaError(f"{outside} mesh nodes belong to no tetrahedron; remove them.")
+def _blocks(cells: int) -> Iterator[tuple[slice, Int[np.ndarray, " some"]]]:
+    """Runs of cells, and as many cell numbers each time, the last run filled up from the front."""
+    # A power of two, so that small meshes share compiled code as well.
+    size = min(CELLS_AT_ONCE, 1 << (cells - 1).bit_length())
+    for first in range(0, cells, size):
+        yield slice(first, min(first + size, cells)), np.arange(first, first + size) % cells
 
 
-def _check_supports(mesh: TetMesh, pattern: Pattern, fixed: Bool[np.ndarray, "nodes 3"]) -> None:
-    """Every connected part must be held on its own."""
-    if not fixed.any():
-        raise FeaError("No displacement is prescribed; add a support.")
-    part = pattern.components()
-    parts = int(part.max()) + 1
-    for number in range(parts):
-        nodes = part == number
-        motion = free_motion(mesh.nodes[nodes], fixed[nodes])
-        if motion is None:
-            continue
-        which = "the solid" if parts == 1 else f"piece {number + 1} of {parts} separate pieces"
-        raise FeaError(
-            f"Supports leave a rigid motion: {which} {motion}; add a support that holds it."
-        )
+@jax.jit
+def _physical_gradients(x: ArrayLike) -> tuple[Array, Array]:
+    return physical_gradients(jnp.asarray(x), TETRAHEDRA[x.shape[1]].gradient_at_quadrature)
+
+
+def _product(cells: tuple[Array, ...], u: Float[Array, "nodes 3"]) -> Float[Array, "nodes 3"]:
+    gradients, weight, tets, C, free = cells
+    moving = jnp.where(free, u, 0.0)
+    H = jnp.einsum("cni,cqnj->cqij", moving[tets], gradients)
+    forces = jnp.zeros_like(u).at[tets].add(cell_forces(H, gradients, weight, C))
+    return jnp.where(free, forces, u)
+
+
+@jax.jit
+def _diagonal(cells: tuple[Array, ...]) -> Float[Array, "nodes 3 3"]:
+    gradients, weight, tets, C, free = cells
+    B = jnp.einsum("vij,cqnj->cqnvi", STRAIN, gradients)
+    own = jnp.einsum("cq,cqnvi,vw,cqnwj->cnij", weight, B, C, B)
+    blocks = jnp.zeros((len(free), 3, 3)).at[tets].add(own)
+    held = jnp.where(free[:, :, None] & free[:, None, :], blocks, 0.0)
+    return held + jnp.eye(3)[None] * jnp.where(free, 0.0, 1.0)[:, None, :]
+
+
+@jax.jit
+def _products(x: ArrayLike, modulus: ArrayLike) -> Array:
+    return gradient_products(jnp.asarray(x), jnp.asarray(modulus), TETRAHEDRA[x.shape[1]])
+
+
+@jax.jit
+def _stress(
+    x: Float[ArrayLike, "cells corners 3"],
+    modulus: Float[ArrayLike, "cells samples"],
+    u: Float[ArrayLike, "cases cells corners 3"],
+    C: Float[ArrayLike, "6 6"],
+) -> Float[Array, "cases cells quad 6"]:
+    H, _ = displacement_gradients(jnp.asarray(x), jnp.asarray(u), TETRAHEDRA[x.shape[1]])
+    return jnp.asarray(modulus)[None, :, :, None] * jnp.einsum("vw,...w->...v", C, strain(H))
+
+
+@jax.jit
+def _bilinear_gradient(
+    x: Float[ArrayLike, "cells corners 3"],
+    modulus: Float[ArrayLike, "cells samples"],
+    fields: tuple[ArrayLike, ArrayLike],
+    C: Float[ArrayLike, "6 6"],
+) -> tuple[Float[Array, "cells corners 3"], Float[Array, "cells samples"]]:
+    v, u = (jnp.asarray(field) for field in fields)
+
+    def energy(x: Array, modulus: Array) -> Array:
+        Hv, volume = displacement_gradients(x, v, TETRAHEDRA[x.shape[1]])
+        Hu, _ = displacement_gradients(x, u, TETRAHEDRA[x.shape[1]])
+        density = jnp.einsum("scqv,vw,scqw->cq", strain(Hv), C, strain(Hu))
+        return jnp.sum(modulus * volume * density)
+
+    return jax.grad(energy, argnums=(0, 1))(jnp.asarray(x), jnp.asarray(modulus))

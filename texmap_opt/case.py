@@ -301,7 +301,12 @@ def _loads(tables: dict[str, Any], file: str, base: Path) -> tuple[Load, ...]:
 
 def _check_together(case: DesignCase, file: str) -> None:
     """Limits that involve more than one key."""
-    lattice, sizing = case.lattice, case.sizing
+    lattice, sizing, analysis = case.lattice, case.sizing, case.analysis
+    if analysis.mesh is not None and analysis.max_error is not None:
+        raise CaseError(
+            f"{file}: [analysis] max_error = {analysis.max_error:g}: the tets of mesh = "
+            f"{analysis.mesh!r} are taken as they are; give one of them."
+        )
     for a, b in (("cells", "cell_mm"), ("radius_mm", "relative_density")):
         if (getattr(lattice, a) is None) == (getattr(lattice, b) is None):
             raise CaseError(f"{file}: [lattice]: give either {a} or {b}.")

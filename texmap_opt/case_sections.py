@@ -82,6 +82,12 @@ class AnalysisSection:
         "repeatable, everything after it is",
         default=None,
     )
+    max_error: float | None = key(
+        number(above=0.0, most=0.5),
+        "refine the tets until the estimated error of the stress, a share of its energy norm, is at "
+        "most this in every load case (absent: one mesh of `edge_mm`)",
+        default=None,
+    )
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """The order of the stages, and nothing else."""
 
+from functools import partial
+
 import jax
 
 from texmap_opt.cache import StageCache, stage_key
@@ -16,7 +18,7 @@ from texmap_opt.report.numbers import report_numbers
 from texmap_opt.run_result import Run
 from texmap_opt.solid.float32_solid import printable_mesh
 from texmap_opt.solid.validity import require_printable
-from texmap_opt.stress_field import StressField, stress_field
+from texmap_opt.stress_field import StressField, solid_solution, stress_field
 from texmap_opt.tet_source import part_tets
 from texmap_opt.trimmed_lattice import trimmed_lattice
 from texmap_opt.warp.warped_grid import WarpedGrid, warped_grid
@@ -58,7 +60,7 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         plan = plan_grid(case, part.bounds, cell)
         progress.detail(f"{len(part.surface.faces):,} triangles, {part.volume:,.0f} mm³")
     with progress.stage("tets"):
-        mesh = part_tets(case, part, cache)
+        mesh = part_tets(case, part, cache, solve=partial(solid_solution, case))
         progress.detail(f"{len(mesh.tets):,} {mesh.element}, {len(mesh.nodes):,} nodes")
     stress_of = stage_key("stress", mesh.nodes, mesh.tets, case.material, case.supports, case.loads)
     with progress.stage("stress"):

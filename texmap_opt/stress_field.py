@@ -28,6 +28,8 @@ class StressField:
         reaction: sum of the support forces [N].
         compliance: u.f of each case [N mm].
         residual: relative true residual of the linear solve.
+        estimated_error: of the stress, share of the energy norm, largest over the cases
+            (Zienkiewicz and Zhu 1992).
     """
 
     mesh: TetMesh
@@ -38,6 +40,7 @@ class StressField:
     reaction: Float[np.ndarray, "cases 3"]
     compliance: Float[np.ndarray, " cases"]
     residual: float
+    estimated_error: float
 
     @property
     def von_mises(self) -> Float[np.ndarray, "cases nodes"]:
@@ -59,13 +62,15 @@ class StressField:
             "reaction": self.reaction,
             "compliance": self.compliance,
             "residual": np.array(self.residual),
+            "estimated_error": np.array(self.estimated_error),
         }
 
     @staticmethod
     def from_arrays(mesh: TetMesh, arrays: dict[str, np.ndarray]) -> "StressField":
         """The inverse of `to_arrays`."""
         names = tuple(str(name) for name in arrays["case_names"])
-        values = arrays | {"case_names": names, "residual": float(arrays["residual"])}
+        scalars = {name: float(arrays[name]) for name in ("residual", "estimated_error")}
+        values = arrays | {"case_names": names, **scalars}
         return StressField(mesh=mesh, **values)  # pyright: ignore[reportArgumentType]
 
 
@@ -76,35 +81,46 @@ def stress_field(case: DesignCase, mesh: TetMesh) -> StressField:
         CaseError: a region selects nothing, or the supports leave a rigid motion.
         AnalysisError: the linear solve failed.
     """
-    supports = [_support(mesh, support) for support in case.supports]
-    held = _held(mesh, supports)
-    motion = fea.free_motion(mesh.nodes, held)
-    if motion:
-        raise CaseError(
-            f"{case.path.name}: [[support]]: the part is not held: it {motion}; add a support or "
-            "more directions to `fix`."
-        )
-    load_forces = np.stack([_forces(case, mesh, load) for load in case.loads])
-    names = case.load_cases
-    member = np.array([[load.case == name for load in case.loads] for name in names], float)
-    forces = np.einsum("cl,lnd->cnd", member, load_forces)
-    moved = any(np.any(support.value) for support in supports)
-    if not moved:
-        _refuse_forces_on_supports(case, forces, held)
-    try:
-        solution = fea.solve_solid(mesh, case.material, supports, forces)
-    except FeaError as failure:
-        raise AnalysisError(f"{case.path.name}: the stress analysis failed: {failure}") from failure
+    solution = solid_solution(case, mesh)
     return StressField(
         mesh=mesh,
-        case_names=names,
+        case_names=case.load_cases,
         displacement=solution.displacement,
         stress=solution.stress,
-        load_forces=load_forces,
-        reaction=solution.reaction,
+        load_forces=_load_forces(case, mesh),
+        reaction=solution.reaction.sum(axis=1),
         compliance=solution.compliance,
         residual=solution.residual,
+        estimated_error=float(solution.error_estimate.relative.max()),
     )
+
+
+def solid_solution(case: DesignCase, mesh: TetMesh) -> fea.SolidSolution:
+    """The part's tets under the case's loads and supports, solved.
+
+    Raises:
+        CaseError: a region selects nothing, or the supports leave a rigid motion.
+        AnalysisError: the linear solve failed.
+    """
+    supports = [_support(mesh, support) for support in case.supports]
+    held = _held(mesh, supports)
+    body = fea.free_body(mesh, held)
+    if body:
+        raise CaseError(
+            f"{case.path.name}: [[support]]: the part is not held: {body}; add a support or more "
+            "directions to `fix`."
+        )
+    names = case.load_cases
+    member = np.array([[load.case == name for load in case.loads] for name in names], float)
+    forces = np.einsum("cl,lnd->cnd", member, _load_forces(case, mesh))
+    if not any(np.any(support.value) for support in supports):
+        _refuse_forces_on_supports(case, forces, held)
+    try:
+        return fea.solve_solid(
+            fea.SolidProblem.from_supports(mesh, case.material, supports, forces)
+        )
+    except FeaError as failure:
+        raise AnalysisError(f"{case.path.name}: the stress analysis failed: {failure}") from failure
 
 
 def selected_facets(mesh: TetMesh, region: AbstractRegion) -> Int[np.ndarray, " facets"]:
@@ -145,6 +161,11 @@ def _held(mesh: TetMesh, supports: list[fea.Support]) -> Bool[np.ndarray, "nodes
     for support in supports:
         held[support.nodes] |= np.asarray(support.fixed)
     return held
+
+
+def _load_forces(case: DesignCase, mesh: TetMesh) -> Float[np.ndarray, "loads nodes 3"]:
+    """Nodal forces of each load entry [N]."""
+    return np.stack([_forces(case, mesh, load) for load in case.loads])
 
 
 def _forces(case: DesignCase, mesh: TetMesh, load: Load) -> Float[np.ndarray, "nodes 3"]:

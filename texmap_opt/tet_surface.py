@@ -9,8 +9,6 @@ import itertools
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from fea import TetMesh
@@ -29,24 +27,6 @@ LEAST_SHARE = 0.3
 MAX_HALVINGS = 8
 # Nodes held back by a tet may go further once its other nodes have arrived.
 ROUNDS = 3
-
-
-def compacted(
-    nodes: Float[np.ndarray, "nodes 3"], tets: Int[np.ndarray, "cells 4"]
-) -> tuple[Float[np.ndarray, "kept 3"], Int[np.ndarray, "largest 4"]]:
-    """The largest face-connected piece by volume, without nodes that nothing uses."""
-    if len(tets) == 0:
-        return nodes[:0], tets
-    faces = np.sort(tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
-    order = np.lexsort(faces.T)
-    same = (faces[order[1:]] == faces[order[:-1]]).all(axis=1)
-    a, b = order[:-1][same] // 4, order[1:][same] // 4
-    links = coo_array((np.ones(len(a), dtype=bool), (a, b)), shape=(len(tets), len(tets)))
-    _, label = connected_components(links, directed=False)
-    size = np.bincount(label, weights=np.abs(_volumes(nodes, tets)))
-    tets = tets[label == np.argmax(size)]
-    used, index = np.unique(tets, return_inverse=True)
-    return nodes[used], index.reshape(-1, 4)
 
 
 def fitted_to_surface(

@@ -2,54 +2,66 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from fea.errors import FeaError
 from fea.linear_solve.amg import MultigridCG
+from fea.linear_solve.cg_jax import JaxCG
 from fea.linear_solve.direct_pardiso import Pardiso, is_installed
 from fea.linear_solve.direct_superlu import SuperLU
-from fea.linear_solve.interface import Factor, SolveFailure, order
+from fea.linear_solve.element_operator import ElementOperator, matrix_shape
+from fea.linear_solve.interface import Factor, prepared
 
-SOLVERS = ("auto", "pardiso", "superlu", "amg")
+SOLVERS = ("auto", "pardiso", "superlu", "amg", "jax-cg")
 
-# Largest model for a direct solver [dofs], from the table in the decision note. Frames (six dofs a
-# joint) converge faster with multigrid than solids do, and fill in more.
-PARDISO_LIMIT_SOLID = 100_000
-PARDISO_LIMIT_FRAME = 60_000
-SUPERLU_LIMIT = 20_000
+# Largest model for a direct solver [dofs], from the table in the decision note. On frames of slender
+# struts (six dofs a joint) multigrid needs some hundred iterations and PARDISO keeps up longer.
+PARDISO_LIMIT_SOLID = 30_000
+PARDISO_LIMIT_FRAME = 50_000
+SUPERLU_LIMIT = 10_000
 FRAME_BLOCK = 6
 
 
 def factorise(
-    K: csr_array,
+    K: bsr_array | csr_array | ElementOperator,
     *,
     near_null: Float[np.ndarray, "dofs modes"] | None = None,
-    block: int = 1,
     solver: str = "auto",
 ) -> Factor:
     """Make a symmetric positive definite matrix ready for solving.
 
     Args:
-        K: the matrix, both triangles, sorted columns.
-        near_null: fields of almost no energy, the six rigid-body modes, for multigrid.
-        block: dofs of a node.
-        solver: "pardiso", "superlu", "amg", or "auto": direct for small models, multigrid for
-            large ones.
+        K: the matrix, both triangles, in whole node blocks (`K.blocksize`) with all diagonal
+            blocks (a `csr_array` has blocks of one dof); or an operator that is never assembled,
+            for "jax-cg".
+        near_null: fields of almost no energy, the six rigid-body modes: multigrid needs them to be
+            fast, and every solver looks whether K resists them.
+        solver: "pardiso", "superlu", "amg", "jax-cg", or "auto": direct for small models,
+            multigrid for large ones.
 
     Raises:
-        FeaError: when K is singular, or the solver is unknown or not installed.
+        SingularStiffness: when K is singular, with the free motion.
+        FeaError: when K is not finite, not float64 or not in whole blocks, or the solver is
+            unknown, not installed or not for this K.
     """
-    name = chosen(order(K), solver, block=block, has_modes=near_null is not None)
-    try:
-        if name == "pardiso":
-            return Factor(K, Pardiso(K), name)
-        if name == "superlu":
-            return Factor(K, SuperLU(K), name)
-        if near_null is None:
-            near_null = np.tile(np.eye(block), (order(K) // block, 1))
-        return Factor(K, MultigridCG(K, near_null, block), name)
-    except SolveFailure as failure:
-        raise FeaError(failure.result.value) from failure
+    if isinstance(K, ElementOperator):
+        if solver not in ("auto", "jax-cg"):
+            raise FeaError(
+                f'Solver "{solver}" needs an assembled matrix; assemble K, or choose "jax-cg".'
+            )
+        return prepared(K, JaxCG(), "jax-cg", near_null)
+    K = _blocks(K)
+    size = K.blocksize[0]
+    dofs = matrix_shape(K)[0]
+    name = chosen(dofs, solver, block=size, has_modes=near_null is not None)
+    fields = np.tile(np.eye(size), (dofs // size, 1)) if near_null is None else near_null
+    methods = {
+        "pardiso": Pardiso,
+        "superlu": SuperLU,
+        "amg": lambda: MultigridCG(fields),
+        "jax-cg": JaxCG,
+    }
+    return prepared(K, methods[name](), name, near_null)
 
 
 def chosen(dofs: int, solver: str, *, block: int, has_modes: bool) -> str:
@@ -77,3 +89,17 @@ def chosen(dofs: int, solver: str, *, block: int, has_modes: bool) -> str:
         direct = "pardiso"
         limit = PARDISO_LIMIT_FRAME if block == FRAME_BLOCK else PARDISO_LIMIT_SOLID
     return "amg" if dofs > limit and has_modes else direct
+
+
+def _blocks(K: bsr_array | csr_array) -> bsr_array:
+    """K in square blocks with sorted columns."""
+    if isinstance(K, csr_array):
+        K = bsr_array(K, blocksize=(1, 1))
+    rows, columns = K.blocksize
+    down, along = matrix_shape(K)
+    if down != along or rows != columns:
+        raise FeaError(
+            f"The stiffness has {down} rows and {along} columns in blocks of {rows} by {columns}; "
+            "give a square matrix in square blocks."
+        )
+    return K if K.has_sorted_indices else K.sorted_indices()

@@ -1,19 +1,18 @@
 """Cholesky factorisation by MKL PARDISO; the only user of pypardiso."""
 
+import ctypes
 import importlib.util
 import sys
+from functools import cache
+from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
-from scipy.sparse import csr_array, triu
+from jaxtyping import Float, Int
+from scipy.sparse import bsr_array, csr_array
 
-from fea.linear_solve.interface import (
-    AbstractMethod,
-    SolveFailure,
-    SolveResult,
-    check_definite,
-    order,
-)
+from fea.linear_solve.element_operator import matrix_shape
+from fea.linear_solve.interface import AbstractMethod
+from fea.linear_solve.solve_result import Applied, SolveFailure, SolveResult
 
 # Real, symmetric, positive definite: PARDISO factorises the upper triangle without pivoting and
 # says so when a pivot is not positive (MKL Developer Reference, "pardiso", mtype).
@@ -26,15 +25,21 @@ ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1
 ZERO_PIVOT, NO_MEMORY, NO_MEMORY_ORDERING, INDEX_OVERFLOW = -4, -2, -3, -8
 
 
+@cache
+def mkl_library() -> ctypes.CDLL | None:
+    """The MKL library that pypardiso loads; None when one of the two is not installed."""
+    if importlib.util.find_spec("pypardiso") is None:
+        return None
+    try:
+        from pypardiso import PyPardisoSolver
+    except (ImportError, OSError):
+        return None
+    return PyPardisoSolver().libmkl
+
+
 def is_installed() -> bool:
     """Whether pypardiso can be imported and finds the MKL library."""
-    if importlib.util.find_spec("pypardiso") is None:
-        return False
-    try:
-        import pypardiso  # noqa: F401 - finding MKL is what is tried
-    except (ImportError, OSError):
-        return False
-    return True
+    return mkl_library() is not None
 
 
 class Pardiso(AbstractMethod):
@@ -44,7 +49,10 @@ class Pardiso(AbstractMethod):
     each factor has a solver, and a new matrix on the old pattern costs the numeric phase only.
     """
 
-    def __init__(self, K: csr_array):
+    direct: ClassVar[bool] = True
+    probed: ClassVar[bool] = False
+
+    def __init__(self):
         from pypardiso import PyPardisoSolver
 
         self._solver = PyPardisoSolver(mtype=POSITIVE_DEFINITE)
@@ -53,50 +61,32 @@ class Pardiso(AbstractMethod):
         # these are set.
         self._solver.iparm[[0, 1, 7, 23]] = [1, 3, 2, 1]
         self._upper: csr_array | None = None
-        self._analysed = False
-        self.update(K)
+        self._places: Int[np.ndarray, " entries"] = np.zeros(0, int)
 
-    def update(self, K: csr_array) -> None:
+    def update(self, K: bsr_array) -> None:
         """Factorise new values; the ordering is kept."""
-        if not np.isfinite(K.data).all():
-            raise SolveFailure(SolveResult.NOT_FINITE)
-        # PARDISO reads beyond its arrays when a diagonal entry is missing, so check here.
-        if order(K) == 0:
-            return
-        if not (K.diagonal() > 0).all():
-            raise SolveFailure(SolveResult.SINGULAR)
-        self._upper = csr_array(triu(K, format="csr"))
-        self._upper.sort_indices()
-        nothing = np.zeros((order(K), 1))
-        if not self._analysed:
+        nothing = np.zeros((matrix_shape(K)[0], 1))
+        if self._upper is None:
+            self._upper, self._places = _upper_triangle(K)
             self._call(ANALYSE, nothing)
-            self._analysed = True
+        else:
+            self._upper.data = K.data.reshape(-1)[self._places]
         self._call(FACTORISE, nothing)
-        check_definite(self, K)
 
     def apply(
         self,
-        K: csr_array,
         rhs: Float[np.ndarray, "dofs columns"],
         x0: Float[np.ndarray, "dofs columns"] | None,
         rtol: float,
-    ) -> tuple[Float[np.ndarray, "dofs columns"], int]:
+    ) -> Applied:
         """Forward and back substitution."""
-        if rhs.size == 0:
-            return np.zeros_like(rhs), 0
-        return self._call(SOLVE, np.asfortranarray(rhs)), 0
+        return Applied(self._call(SOLVE, np.asfortranarray(rhs)), 0, SolveResult.CONVERGED)
 
     def free(self) -> None:
         """Hand the factor's memory back to MKL."""
-        if self._analysed and self._upper is not None:
-            self._analysed = False
-            self._call(RELEASE, np.zeros((order(self._upper), 1)))
+        if self._upper is not None:
+            self._call(RELEASE, np.zeros((matrix_shape(self._upper)[0], 1)))
             self._upper = None
-
-    @property
-    def failure(self) -> SolveResult:
-        """Positive pivots but a large residual."""
-        return SolveResult.INACCURATE
 
     def _call(self, phase: int, rhs: Float[np.ndarray, "dofs columns"]):
         # pypardiso's public methods offer neither the numeric phase alone nor a solve that does
@@ -113,5 +103,18 @@ class Pardiso(AbstractMethod):
 
     def __del__(self):
         # At interpreter exit MKL may be gone already, and the process returns its memory anyway.
-        if getattr(self, "_analysed", False) and not sys.is_finalizing():
+        if getattr(self, "_upper", None) is not None and not sys.is_finalizing():
             self.free()
+
+
+def _upper_triangle(K: bsr_array) -> tuple[csr_array, Int[np.ndarray, " entries"]]:
+    """Upper triangle with the diagonal, and where its entries stand in the data of K."""
+    places = np.arange(K.data.size).reshape(K.data.shape)
+    entries = bsr_array((places, K.indices, K.indptr), K.shape).tocsr()
+    size = matrix_shape(K)[0]
+    row = np.repeat(np.arange(size, dtype=np.int32), np.diff(entries.indptr))
+    above = entries.indices >= row
+    places = np.asarray(entries.data[above], np.int64)
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(row[above], minlength=size))])
+    upper = (K.data.reshape(-1)[places], entries.indices[above], indptr.astype(np.int32))
+    return csr_array(upper, K.shape), places

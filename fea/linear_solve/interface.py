@@ -1,14 +1,32 @@
-"""What linear solvers take and return: a factor to reuse, a solution with its true residual."""
+"""One interface to all linear solvers: a method to implement, a factor to use."""
 
 import abc
-from dataclasses import dataclass
-from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array
 
 from fea.errors import FeaError
+from fea.linear_solve.element_operator import ElementOperator, matrix_shape
+from fea.linear_solve.element_operator import Matrix as Matrix
+from fea.linear_solve.solve_result import (
+    Applied,
+    SingularStiffness,
+    Solution,
+    SolveFailure,
+    SolveResult,
+)
+from fea.linear_solve.stiffness_checks import (
+    check_definite,
+    check_held,
+    check_matrix,
+    check_rigid_motion,
+    check_solution,
+    shifted,
+    softest_motion,
+)
+from fea.precision import refuse_single_precision
 
 # Wanted |b - K x| / |b|. Loads and reactions then balance to about the same figure; double
 # precision leaves two more digits for well-shaped solids.
@@ -19,100 +37,66 @@ RELATIVE_RESIDUAL = 1e-10
 RESIDUAL_LIMIT = 1e-6
 
 
-# Smallest eigenvalue of K scaled to unit diagonal, below which a motion counts as free. Measured:
-# 1e-16 for a truly free motion, 1e-9 for a clamped solid bar 60 times as long as thick, 3e-6 for a
-# slender lattice (bcc 16x16x16, radius 0.01 of the cell).
-FREE_MOTION = 1e-13
+class AbstractMethod(abc.ABC):
+    """A way to apply K⁻¹: a factorisation, or a preconditioner with an iteration.
 
-
-class SolveResult(Enum):
-    """How a linear solve ended; the value is the sentence for the user, empty when all is well."""
-
-    CONVERGED = ""
-    SINGULAR = "Stiffness is singular: some part can move freely. Add supports."
-    NOT_CONVERGED = (
-        "The iterative solver did not converge: elements are badly shaped or stiffnesses differ "
-        'too much. Use the direct solver (solver="pardiso" or "superlu").'
-    )
-    INACCURATE = (
-        "The direct solver lost too many digits: elements are badly shaped or stiffnesses differ "
-        "too much. Improve the mesh or add supports."
-    )
-    NOT_FINITE = "Stiffness or loads contain NaN or infinite numbers. Check material and loads."
-    OUT_OF_MEMORY = (
-        'The direct solver ran out of memory. Use the iterative solver (solver="amg") or a '
-        "coarser model."
-    )
-
-
-class SolveFailure(Exception):
-    """Raised inside a solver; `Factor` turns it into a `FeaError` or a result."""
-
-    def __init__(self, result: SolveResult):
-        super().__init__(result.value)
-        self.result = result
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Solution of K x = b.
+    The matrices it gets are checked: finite, not empty, positive on the diagonal, no rigid motion
+    free.
 
     Attributes:
-        x: solution, shaped as the right-hand side.
-        residual: largest |b - K x| / |b| over the columns, computed from x itself.
-        result: how the solve ended.
-        iterations: largest number of iterations over the columns; 0 for a direct solver.
+        direct: whether `apply` is exact to rounding, so that it can be asked for the softest motion.
+        probed: whether it is iterative and fast enough to be asked for free motions.
     """
 
-    x: Float[np.ndarray, "dofs ..."]
-    residual: float
-    result: SolveResult
-    iterations: int
-
-
-class AbstractMethod(abc.ABC):
-    """A way to apply K⁻¹: a factorisation, or a preconditioner with an iteration."""
+    direct: ClassVar[bool]
+    probed: ClassVar[bool]
 
     @abc.abstractmethod
-    def apply(
-        self,
-        K: csr_array,
-        rhs: Float[np.ndarray, "dofs columns"],
-        x0: Float[np.ndarray, "dofs columns"] | None,
-        rtol: float,
-    ) -> tuple[Float[np.ndarray, "dofs columns"], int]:
-        """Approximate K⁻¹ rhs, and the largest number of iterations used."""
-
-    @abc.abstractmethod
-    def update(self, K: csr_array) -> None:
-        """Make ready for new values on the same pattern, keeping what depends on the pattern.
+    def update(self, K: bsr_array) -> None:
+        """Make ready for K; after the first time, keep what depends on its pattern only.
 
         Raises:
             SolveFailure: when K cannot be factorised.
         """
 
     @abc.abstractmethod
+    def apply(
+        self,
+        rhs: Float[np.ndarray, "dofs columns"],
+        x0: Float[np.ndarray, "dofs columns"] | None,
+        rtol: float,
+    ) -> Applied:
+        """Approximate K⁻¹ rhs for the last K.
+
+        Raises:
+            SolveFailure: when K turns out to be singular.
+        """
+
+    @abc.abstractmethod
     def free(self) -> None:
         """Release the memory of the factorisation; the method cannot be applied afterwards."""
 
-    @property
-    @abc.abstractmethod
-    def failure(self) -> SolveResult:
-        """What to report when the residual stays too large."""
-
 
 class Factor:
-    """K, ready to be solved with any number of right-hand sides.
+    """K, ready to be solved with any number of right-hand sides; made by `factorise`.
 
     Attributes:
         K: the matrix.
-        name: the solver chosen, "pardiso", "superlu" or "amg".
+        name: the solver chosen, "pardiso", "superlu", "amg" or "jax-cg".
     """
 
-    def __init__(self, K: csr_array, method: AbstractMethod, name: str):
+    def __init__(
+        self,
+        K: Matrix,
+        method: AbstractMethod,
+        name: str,
+        near_null: Float[np.ndarray, "dofs modes"] | None,
+    ):
         self.K = K
         self.name = name
         self._method = method
+        self._near_null = near_null
+        self._spent = ""
 
     def solve(
         self,
@@ -127,75 +111,151 @@ class Factor:
         Args:
             rhs: one right-hand side, or one a column.
             x0: starting point of an iterative solver.
-            rtol: wanted |rhs - K x| / |rhs|.
+            rtol: wanted |rhs - K x| / |rhs| of an iterative solver.
             throw: raise when the solve fails; otherwise the result says so.
 
         Raises:
-            FeaError: the sentence of the `SolveResult`, when the solve failed and `throw`.
+            FeaError: the sentence of the `SolveResult`, when the solve failed and `throw`; always
+                when the factor is spent, or sizes or precision of the right-hand side are wrong.
         """
-        b = rhs.reshape(len(rhs), 1) if rhs.ndim == 1 else rhs
+        self._refuse_when_spent()
+        refuse_single_precision(rhs, "Loads")
+        if len(rhs) != matrix_shape(self.K)[0]:
+            raise FeaError(
+                f"The load has {len(rhs)} rows, but the stiffness {matrix_shape(self.K)[0]}; give every dof "
+                "its load."
+            )
+        b = rhs[:, None] if rhs.ndim == 1 else rhs
         start = None if x0 is None else x0.reshape(b.shape)
-        if not np.isfinite(b).all():
-            x, iterations, residual, result = np.zeros_like(b), 0, np.inf, SolveResult.NOT_FINITE
-        else:
-            x, iterations = self._method.apply(self.K, b, start, rtol)
-            residual = relative_residual(self.K, x, b)
-            # `not <=` so that NaN fails.
-            failed = not residual <= max(rtol, RESIDUAL_LIMIT)
-            result = self._method.failure if failed else SolveResult.CONVERGED
-        if throw and result is not SolveResult.CONVERGED:
-            raise FeaError(result.value)
-        return Solution(x.reshape(rhs.shape), float(residual), result, iterations)
+        mode = None
+        try:
+            x, iterations, result = self._applied(b, start, rtol)
+        except SolveFailure as failure:
+            x, iterations, result = np.full_like(b, np.nan), 0, failure.result
+            mode = failure.mode
+        residual = relative_residual(self.K, x, b)
+        # `not <=` so that NaN fails.
+        if result is SolveResult.CONVERGED and not residual <= max(rtol, RESIDUAL_LIMIT):
+            result = SolveResult.INACCURATE
+        if throw:
+            _throw(result, mode)
+        return Solution(x.reshape(rhs.shape), residual, result, iterations)
 
-    def update(self, K: csr_array) -> "Factor":
-        """Factor of a matrix with the same pattern and other values.
+    def update(self, K: Matrix) -> "Factor":
+        """Factor of a matrix with the same pattern and other values; this one is spent afterwards.
 
         A direct solver keeps its ordering and symbolic factor, multigrid its hierarchy as long as
-        that still converges well. The old factor must not be used afterwards.
+        that still converges well, JAX what it has compiled.
 
         Raises:
-            FeaError: when K is singular.
+            FeaError: when K is singular, of another size, or this factor is spent.
         """
-        try:
-            self._method.update(K)
-        except SolveFailure as failure:
-            raise FeaError(failure.result.value) from failure
-        return Factor(K, self._method, self.name)
+        self._refuse_when_spent()
+        if matrix_shape(K) != matrix_shape(self.K):
+            raise FeaError(
+                f"The new stiffness has {matrix_shape(K)[0]} dofs, the old one "
+                f"{matrix_shape(self.K)[0]}; factorise it afresh."
+            )
+        self._spent = "went into the factor that its update returned; use that one"
+        return prepared(K, self._method, self.name, self._near_null, first=False)
 
     def free(self) -> None:
         """Release the memory of the factorisation now rather than at garbage collection."""
-        self._method.free()
+        if not self._spent:
+            self._spent = "was freed; factorise the stiffness again"
+            if matrix_shape(self.K)[0]:
+                self._method.free()
+
+    def _applied(
+        self,
+        b: Float[np.ndarray, "dofs columns"],
+        x0: Float[np.ndarray, "dofs columns"] | None,
+        rtol: float,
+    ) -> Applied:
+        if not np.isfinite(b).all():
+            raise SolveFailure(SolveResult.NOT_FINITE)
+        if b.size == 0:
+            return Applied(np.zeros_like(b), 0, SolveResult.CONVERGED)
+        applied = self._method.apply(b, x0, rtol)
+        if not self._method.direct:
+            check_solution(self.K, applied.x, b)
+        return applied
+
+    def _refuse_when_spent(self) -> None:
+        if self._spent:
+            raise FeaError(f"This factor cannot be used again: it {self._spent}.")
 
 
-def check_definite(method: AbstractMethod, K: csr_array) -> None:
-    """Tell a singular matrix from a definite one after a direct factorisation.
+def prepared(
+    K: Matrix,
+    method: AbstractMethod,
+    name: str,
+    near_null: Float[np.ndarray, "dofs modes"] | None,
+    *,
+    first: bool = True,
+) -> Factor:
+    """Check a stiffness, whatever the solver, and make the method ready for it.
 
-    Rounding can turn the zero pivots of a free motion into small positive ones. One step of
-    inverse iteration from a rough field finds such a motion: y = K⁻¹ c grows without bound, and
-    its Rayleigh quotient c.y / y.y (K of unit diagonal) drops to rounding.
+    Args:
+        K: the stiffness.
+        method: new, or the one that served a matrix of the same pattern.
+        name: of the method.
+        near_null: fields of almost no energy.
+        first: whether the pattern is new, and with it what can move.
 
     Raises:
-        SolveFailure: when a motion is free.
+        SingularStiffness: with the free motion where it is known.
+        FeaError: when K is not finite or in single precision, or memory ran out.
     """
-    if order(K) == 0:
+    try:
+        check_matrix(K)
+        if matrix_shape(K)[0]:
+            if near_null is not None:
+                check_rigid_motion(K, near_null)
+            _make_ready(method, K, first=first)
+    except SolveFailure as failure:
+        _throw(failure.result, failure.mode)
+    except MemoryError as error:
+        raise FeaError(SolveResult.OUT_OF_MEMORY.value) from error
+    return Factor(K, method, name, near_null)
+
+
+def _make_ready(method: AbstractMethod, K: Matrix, *, first: bool) -> None:
+    """Factorise; a singular matrix once more, a little stiffer, to find the motion that is free."""
+
+    def solve(
+        rhs: Float[np.ndarray, "dofs columns"], rtol: float = RELATIVE_RESIDUAL
+    ) -> Float[np.ndarray, "dofs columns"]:
+        return method.apply(rhs, None, rtol).x
+
+    if not method.direct or isinstance(K, ElementOperator):
+        # `factorise` gives operators to methods that take them.
+        method.update(K)  # pyright: ignore[reportArgumentType]
+        if first and method.probed:
+            check_held(K, solve)
         return
-    root = np.sqrt(K.diagonal())
-    c = np.random.default_rng(0).standard_normal(order(K))  # the same field every time
-    y = root * method.apply(K, (root * c)[:, None], None, 0.0)[0][:, 0]
-    if not np.isfinite(y).all() or not c @ y > FREE_MOTION * (y @ y):
-        raise SolveFailure(SolveResult.SINGULAR)
-
-
-def order(K: csr_array) -> int:
-    """Number of rows of K."""
-    return len(K.indptr) - 1
+    try:
+        method.update(K)
+        check_definite(K, solve)
+    except SolveFailure as failure:
+        if failure.result is not SolveResult.SINGULAR or failure.mode is not None:
+            raise
+        method.update(shifted(K))
+        raise SolveFailure(SolveResult.SINGULAR, softest_motion(K, solve)) from failure
 
 
 def relative_residual(
-    K: csr_array, x: Float[np.ndarray, "dofs columns"], b: Float[np.ndarray, "dofs columns"]
+    K: Matrix, x: Float[np.ndarray, "dofs columns"], b: Float[np.ndarray, "dofs columns"]
 ) -> float:
     """Largest |b - K x| / |b| over the columns; |b - K x| itself where b is zero."""
     if b.size == 0:
         return 0.0
     norm = np.linalg.norm(b, axis=0)
     return float((np.linalg.norm(b - K @ x, axis=0) / np.where(norm > 0, norm, 1.0)).max())
+
+
+def _throw(result: SolveResult, mode: Float[np.ndarray, " dofs"] | None) -> None:
+    if result is SolveResult.SINGULAR:
+        raise SingularStiffness(result.value, mode)
+    if result is not SolveResult.CONVERGED:
+        raise FeaError(result.value)

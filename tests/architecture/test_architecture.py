@@ -17,7 +17,7 @@ FILES = sorted(path for root in ROOTS.values() for path in root.rglob("*.py"))
 
 # One file may know a heavy dependency; whoever needs it calls that file.
 ONLY_USER = {
-    "pytetwild": {"texmap_opt/tetrahedralise.py"},
+    "pytetwild": {"fea/ftetwild.py"},
     "manifold3d": {"texmap_opt/combine/boolean.py"},
     "igl": {"texmap_opt/signed_distance.py"},
     "pyamg": {"fea/linear_solve/amg.py"},
@@ -29,7 +29,7 @@ ONLY_USER = {
     "tomli_w": {"texmap_opt/case.py"},
     "pyvista": {"texmap_opt/report/pictures.py"},
     "matplotlib": {"texmap_opt/report/plots.py", "texmap_opt/report/overlay.py"},
-    "meshio": {"texmap_opt/tet_source.py"},
+    "meshio": {"fea/mesh_files.py"},
 }
 JUNK_DRAWERS = {"utils", "util", "helpers", "common", "misc", "tools"}
 

@@ -73,7 +73,7 @@ BAD_INPUTS = (
     BadInput(
         "supports that leave a rigid motion",
         ("normal = [1, 0, 0] } }\n[[load]]", 'normal = [1, 0, 0] } }\nfix = ["x"]\n[[load]]'),
-        says=("[[support]]", "slides"),
+        says=("[[support]]", "can slide along"),
     ),
     BadInput("load on nothing but held nodes", ("[40, 0, 0]", "[0, 0, 0]"), says=("held",)),
     BadInput("load of zero", ("[0, 0, -10]", "[0, 0, 0]"), says=("force_N", "zero")),
@@ -88,6 +88,7 @@ BAD_INPUTS = (
     BadInput("skin thicker than the part", ("skin_mm = 1.0", "skin_mm = 11"), code=1, says=("skin_mm", "no room")),
     BadInput("negative number", ("skin_mm = 1.0", "skin_mm = -1"), says=("skin_mm = -1", "at least 0")),
     BadInput("zero where none may be", ("edge_mm = 6.0", "edge_mm = 0"), says=("edge_mm = 0", "above 0")),
+    BadInput("an error that nothing refines to", ("edge_mm = 6.0", "edge_mm = 6.0\nmax_error = 0.9"), says=("max_error = 0.9", "0.5")),
     BadInput("wrong type", ("cell_mm = 10.0", 'cell_mm = "10"'), says=("cell_mm", "number")),
     BadInput("bounds in the wrong order", ("[output]", "[sizing]\nmin_radius_mm = 2\nmax_radius_mm = 1\n[output]"), says=("min_radius_mm", "max_radius_mm")),
     BadInput("sizing of holes", ("radius_mm = 0.8", "radius_mm = 0.8\nkind = \"plate\"\n[sizing]\nmethod = \"mma\""), says=("plate", "none")),

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fea import TetMesh, free_motion, rigid_body_modes
+from fea import SolidProblem, TetMesh, free_motion, rigid_body_modes
+from fea.assembly import Pattern
 from fea.materials import material
-from fea.solid import element_stiffness
+from fea.rigid_motion import motion_in_words
 
 POINTS = np.array(
     [[x, y, z] for x in (0.0, 10.0) for y in (0.0, 4.0) for z in (0.0, 6.0)] + [[5.0, 1.0, 2.0]]
@@ -71,11 +72,47 @@ def test_position_and_size_do_not_change_what_is_free():
         assert motion is not None and motion.startswith("turns about an axis along z")
 
 
+@pytest.mark.parametrize(("offset", "free"), [(1e-5, False), (1e-12, True)])
+@pytest.mark.parametrize("number", [3, 3000])
+def test_supports_nearly_in_line_hold_when_they_are_meant_to(offset, free, number):
+    """Nodes on the edge along x, one of them off it by a share of the extent."""
+    line = np.zeros((number, 3))
+    line[:, 0] = np.linspace(0, 10, number)
+    line[1, 2] = offset * 10
+    points = np.concatenate([POINTS, line])
+    held = np.zeros(points.shape, dtype=bool)
+    held[len(POINTS) :] = True
+    motion = free_motion(points, held)
+    if free:
+        assert motion is not None
+        assert motion.startswith("turns about an axis along x through (")
+    else:
+        assert motion is None
+
+
+def test_motion_can_follow_a_verb():
+    held = fixed((slice(None), (0,)))
+    assert free_motion(POINTS, held, base_form=True) == (
+        "slide along y and z and turn about an axis along x through (5, 1.8889, 2.8889)"
+    )
+
+
+def test_a_motion_found_with_rounding_is_named_within_its_tolerance():
+    motion = np.array([[1.0, 1e-3, 0.0, 2e-4, 0.0, 0.0]]).T
+    where = {"centre": np.zeros(3), "extent": 5.0}
+    assert motion_in_words(motion, **where, tolerance=0.02) == "slides along x"
+    assert motion_in_words(motion, **where).startswith("screws about an axis")
+
+
 def test_rigid_body_modes_have_no_elastic_energy():
     mesh = TetMesh.box((3.0, 2.0, 1.0), (1, 1, 1)).to_tet10()
-    K = element_stiffness(mesh, material("steel").stiffness)
-    modes = rigid_body_modes(mesh.nodes).reshape(-1, 3, 6)[mesh.tets].reshape(len(K), -1, 6)
+    problem = SolidProblem.from_supports(
+        mesh, material("steel"), [], np.zeros((1, *mesh.nodes.shape))
+    )
+    K = problem.stiffness(Pattern.from_nodes(mesh.tets, len(mesh.nodes)))
     # Rounding of K, whose entries are about 1e5.
-    np.testing.assert_allclose(K @ modes, 0, atol=1e-9 * np.abs(K).max())
+    np.testing.assert_allclose(
+        K @ rigid_body_modes(mesh.nodes), 0, atol=1e-9 * np.abs(K.data).max()
+    )
     assert np.linalg.matrix_rank(rigid_body_modes(mesh.nodes)) == 6
     assert rigid_body_modes(mesh.nodes, rotations=True).shape == (6 * len(mesh.nodes), 6)

@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fea import FeaError, TetMesh
+from fea.isoparametric import facet_points
+from fea.quadrature import TRIANGLE_4
+from fea.tet_mesh import RIGHTED
 
 
 def box(element="tet4"):
@@ -53,7 +58,206 @@ def test_malformed_meshes_are_refused():
     mesh = box()
     with pytest.raises(FeaError, match="5 nodes"):
         TetMesh(mesh.nodes, np.zeros((2, 5), dtype=int))
-    with pytest.raises(FeaError, match="refer to nodes"):
-        TetMesh(mesh.nodes[:-1], mesh.tets)
+    wrong = mesh.tets.copy()
+    wrong[7, 2] = 36
+    with pytest.raises(FeaError, match=r"refer to nodes 0 to 36, .* cell 7, with node 36"):
+        TetMesh(mesh.nodes, wrong)
     with pytest.raises(FeaError, match="no tetrahedra"):
         TetMesh(mesh.nodes, mesh.tets[:0])
+    with pytest.raises(FeaError, match="float32, single precision"):
+        TetMesh(mesh.nodes.astype(np.float32), mesh.tets)
+
+
+# Curved cells -------------------------------------------------------------------------------
+
+
+def curved_box():
+    """A quadratic map of a straight mesh, which quadratic cells follow exactly."""
+    mesh = box("tet10")
+    x, y, z = (mesh.nodes - [1.0, 2.0, 3.0]).T
+    return mesh.with_nodes(np.stack([x + 0.1 * y * z, y + 0.1 * x**2, z + 0.2 * x * y], axis=1))
+
+
+def test_volume_of_curved_cells_is_exact():
+    """Each cell against 5³ Gauss points collapsed onto it (Duffy), exact for the cubic det J.
+
+    The degree-2 rule that stiffness uses is off by 6e-6 on single cells.
+    """
+    mesh = curved_box()
+    t, w = np.polynomial.legendre.leggauss(5)
+    t, w = (t + 1) / 2, w / 2
+    r, s, u = (a.ravel() for a in np.meshgrid(t, t, t, indexing="ij"))
+    weight = (w[:, None, None] * w[None, :, None] * w[None, None, :]).ravel()
+    points = np.stack([r, (1 - r) * s, (1 - r) * (1 - s) * u], axis=1)
+    J = np.einsum("cnx,qnr->cqxr", mesh.nodes[mesh.tets], mesh.element_type.gradient(points))
+    exact = np.linalg.det(J) @ (weight * (1 - r) ** 2 * (1 - s))
+    np.testing.assert_allclose(mesh.volumes, exact, rtol=1e-13)
+    assert mesh.curved.all()
+    stiffness_rule = mesh.jacobians @ mesh.element_type.quadrature.weights
+    assert np.abs(stiffness_rule / exact - 1).max() > 1e-6
+    # The divergence theorem: on quadratic facets x.n has degree 4, which their rule integrates.
+    x, n = facet_points(mesh.nodes[mesh.boundary_facets], TRIANGLE_4)
+    np.testing.assert_allclose((x * n).sum() / 3, mesh.volume, rtol=1e-13)
+    mesh.check()
+
+
+def test_straight_cells_are_seen_to_be_straight_wherever_they_are():
+    mesh = box("tet10")
+    R = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    turned = mesh.with_nodes(1e3 * mesh.nodes @ R.T + 1e4)
+    assert not mesh.curved.any()
+    assert not turned.curved.any()
+    bent = mesh.nodes.copy()
+    bent[mesh.tets[3, 4]] += 1e-9
+    assert mesh.with_nodes(bent).curved[3]
+    assert not box().curved.any()
+
+
+# Faces --------------------------------------------------------------------------------------
+
+
+def slow_faces(mesh):
+    """Cells of each face, by a dictionary of corner sets."""
+    owners = {}
+    for cell, tet in enumerate(mesh.tets):
+        for skipped in range(4):
+            face = frozenset(int(n) for n in np.delete(tet[:4], skipped))
+            owners.setdefault(face, []).append(cell)
+    return owners
+
+
+@settings(max_examples=20, derandomize=True, deadline=None)
+@given(cells=st.sets(st.integers(0, 71), min_size=1))
+def test_facets_and_neighbours_are_those_of_a_dictionary_of_faces(cells):
+    whole = box("tet10")
+    mesh = TetMesh(whole.nodes, whole.tets[sorted(cells)])
+    owners = slow_faces(mesh)
+    outer = {face for face, cells in owners.items() if len(cells) == 1}
+    assert {frozenset(map(int, row[:3])) for row in mesh.boundary_facets} == outer
+    assert len(mesh.boundary_facets) == len(outer)
+    pairs = sorted(sorted(cells) for cells in owners.values() if len(cells) == 2)
+    assert sorted(sorted(map(int, pair)) for pair in mesh.face_neighbours) == pairs
+
+
+def test_node_numbers_too_large_for_one_key_give_the_same_faces():
+    """Three node numbers beyond 2^21 do not fit in 63 bits: two keys are sorted instead."""
+    mesh = box()
+    shift = 2**21
+    far = TetMesh(np.concatenate([np.zeros((shift, 3)), mesh.nodes]), mesh.tets + shift)
+    np.testing.assert_array_equal(far.boundary_facets, mesh.boundary_facets + shift)
+    np.testing.assert_array_equal(
+        np.unique(np.sort(far.face_neighbours, axis=1), axis=0),
+        np.unique(np.sort(mesh.face_neighbours, axis=1), axis=0),
+    )
+
+
+def test_moved_nodes_keep_the_numbering():
+    mesh = box("tet10")
+    facets = mesh.boundary_facets
+    moved = mesh.with_nodes(2 * mesh.nodes)
+    assert moved.boundary_facets is facets
+    np.testing.assert_allclose(moved.volume, 8 * mesh.volume)
+    np.testing.assert_allclose(moved.facet_areas, 4 * mesh.facet_areas)
+    with pytest.raises(FeaError, match="Moved nodes have shape"):
+        mesh.with_nodes(mesh.nodes[:-1])
+
+
+# Regions ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("element", ["tet4", "tet10"])
+def test_regions_are_chosen_by_position(element):
+    mesh = box(element)
+    top = mesh.facets_where(lambda x: x[:, 2] > 4 - 1e-9)
+    np.testing.assert_allclose(mesh.facet_integrals(top)[0].sum(), 6.0)
+    assert (mesh.nodes[top][..., 2] == 4).all()
+    nodes = mesh.nodes_where(lambda x: x[:, 2] > 4 - 1e-9)
+    np.testing.assert_array_equal(nodes, np.unique(top))
+
+
+def test_regions_that_choose_nothing_or_make_no_sense_are_refused():
+    mesh = box()
+    with pytest.raises(FeaError, match=r"none of the 36 nodes; .* \(1, 2, 3\) to \(4, 4, 4\)"):
+        mesh.nodes_where(lambda x: x[:, 0] > 5)
+    with pytest.raises(FeaError, match="none of the 64 boundary facets"):
+        mesh.facets_where(lambda x: x[:, 0] > 5)
+    with pytest.raises(FeaError, match="one truth value"):
+        mesh.nodes_where(lambda x: x > 1)
+    with pytest.raises(FeaError, match="one truth value"):
+        mesh.nodes_where(lambda x: x[:, 0])
+
+
+# Checking -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("element", ["tet4", "tet10"])
+def test_sound_meshes_pass_at_any_size_and_place(element):
+    mesh = box(element)
+    for scale, shift in [(1.0, 0.0), (1e-6, 0.0), (1e6, 0.0), (1.0, 1e5)]:
+        mesh.with_nodes(scale * mesh.nodes + shift).check()
+
+
+@pytest.mark.parametrize("element", ["tet4", "tet10"])
+def test_inverted_and_flat_cells_are_named_with_place_and_remedy(element):
+    mesh = box(element)
+    order = RIGHTED[mesh.tets.shape[1]]
+    wrong = mesh.tets.copy()
+    wrong[[5, 9]] = wrong[[5, 9]][:, order]
+    centre = mesh.nodes[mesh.tets[5, :4]].mean(axis=0)
+    with pytest.raises(FeaError) as failure:
+        TetMesh(mesh.nodes, wrong).check()
+    message = str(failure.value)
+    assert message.startswith("2 of 72 tetrahedra are flat or inverted: the first, cell 5 ")
+    assert f"({centre[0]:.6g}, {centre[1]:.6g}, {centre[2]:.6g}) mm" in message
+    assert "volume -0.0833 mm³" in message
+    assert "these cells" in message
+    # The remedy rights every cell of a mesh that is inside out.
+    inside_out = TetMesh(mesh.nodes, mesh.tets[:, order])
+    with pytest.raises(FeaError, match=r"72 of 72 .* reorder the nodes of every cell as"):
+        inside_out.check()
+    TetMesh(mesh.nodes, inside_out.tets[:, order]).check()
+    flat = mesh.nodes.copy()
+    flat[:, 2] = 0
+    with pytest.raises(FeaError, match=r"72 of 72 .* volume 0 mm³; remesh"):
+        mesh.with_nodes(flat).check()
+    # Rounding gives a flat cell any sign.
+    R = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
+    with pytest.raises(FeaError, match="72 of 72"):
+        mesh.with_nodes(flat @ R.T).check()
+
+
+def test_a_cell_that_folds_at_a_corner_only_is_refused():
+    """A mid-edge node past the quarter point: det J changes sign at the corner alone.
+
+    Along an edge with its middle at s the map is 2 s (1 - xi) xi.. ; its slope at the corner is
+    4 s - 1, in units of the edge, negative for s < 1/4 (Zienkiewicz and Taylor, quarter points).
+    """
+    one = TetMesh(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.arange(4)[None]).to_tet10()
+    for share, sound in [(0.26, True), (0.24, False)]:
+        nodes = one.nodes.copy()
+        nodes[one.tets[0, 4]] = [share, 0, 0]
+        bent = one.with_nodes(nodes)
+        assert (bent.jacobians > 0).all()
+        if sound:
+            bent.check()
+            continue
+        with pytest.raises(FeaError, match=r"curved edges and folds over at \(0, 0, 0\) mm"):
+            bent.check()
+
+
+def test_nodes_that_are_not_numbers_or_not_used_are_named():
+    mesh = box()
+    broken = mesh.nodes.copy()
+    broken[[4, 8], 1] = np.nan, np.inf
+    with pytest.raises(FeaError, match=r"2 of 36 nodes .* node 4, is at \(1, nan, 3.5\)"):
+        mesh.with_nodes(broken).check()
+    loose = TetMesh(np.concatenate([mesh.nodes, np.ones((2, 3))]), mesh.tets)
+    with pytest.raises(FeaError, match=r"2 mesh nodes belong to no tetrahedron: .* node 36"):
+        loose.check()
+
+
+def test_cells_listed_twice_are_refused():
+    mesh = box()
+    twice = TetMesh(mesh.nodes, np.concatenate([mesh.tets, mesh.tets[6:7]]))
+    with pytest.raises(FeaError, match=r"Cells .*6.* all share one face, at .*: cells overlap"):
+        twice.check()

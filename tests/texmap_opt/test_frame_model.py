@@ -114,6 +114,7 @@ def modelled(given: DesignCase, structure: Structure) -> tuple[FrameModel, Stres
         reaction=np.zeros((cases, 3)),
         compliance=np.zeros(cases),
         residual=0.0,
+        estimated_error=0.0,
     )
     return frame_model(structure, part(), given, field), field
 

@@ -20,6 +20,7 @@ def test_a_force_acts_with_its_full_size_and_the_supports_answer(tmp_path: Path)
     np.testing.assert_allclose(stress.reaction[0], [0, 0, 10], atol=1e-7)
     assert stress.max_displacement > 0
     assert stress.residual < 1e-8
+    assert 0 < stress.estimated_error < 0.5
 
 
 @pytest.mark.parametrize(
@@ -94,4 +95,5 @@ def test_arrays_for_the_cache_rebuild_the_field(tmp_path: Path):
     again = StressField.from_arrays(MESH, stress.to_arrays())
     assert again.case_names == stress.case_names
     assert again.residual == stress.residual
+    assert again.estimated_error == stress.estimated_error
     np.testing.assert_array_equal(again.von_mises, stress.von_mises)

@@ -95,6 +95,7 @@ def _stress(run: Run) -> dict[str, Any]:
         "reaction_N": stress.reaction.tolist(),
         "load_N": stress.load_forces.sum(axis=1).tolist(),
         "residual": stress.residual,
+        "estimated_error": stress.estimated_error,
     }
 
 

@@ -136,6 +136,7 @@ STRESS = (
     Row("compliance_Nmm", "compliance of the solid part", quantity("N mm")),
     Row("reaction_N", "reaction of each case", quantity("N")),
     Row("residual", "relative residual", quantity("", 2)),
+    Row("estimated_error", "estimated error of the stress (share of energy)", quantity("", 2)),
 )
 WARP = (
     Row("method", "method", text),

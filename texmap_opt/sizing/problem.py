@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fea import FeaError
-from fea.frame import FrameSolution, compliance_gradient, solve_frame
+from fea.equilibrium import compliance_gradient
+from fea.frame import FrameSolution, solve_frame
 from texmap_opt.errors import AnalysisError, LatticeError, SizingError
 from texmap_opt.frame_model import FrameModel
 from texmap_opt.grid_plan import LEAST_PRINTABLE_RADIUS_MM
@@ -109,10 +110,10 @@ class SizingProblem:
         """
         solution = solve_model(self.model, _both_ends(radius), previous)
         gradient = compliance_gradient(solution)
-        into_radii = gradient.radii.sum(axis=1)
+        into_radii = gradient["radii"].sum(axis=1)
         if self.model.acceleration.any():
             _, pull = jax.vjp(self.model.forces, jnp.asarray(_both_ends(radius)))
-            (by_weight,) = pull(jnp.asarray(gradient.forces))
+            (by_weight,) = pull(jnp.asarray(gradient["forces"]))
             into_radii = into_radii + np.asarray(by_weight).sum(axis=1)
         return SizedFrame(solution, float(solution.compliance.sum()), into_radii)
 

@@ -30,6 +30,7 @@ REPORT = {
         "max_von_mises_MPa": 235.2,
         "reaction_N": [[0.0, 1.2e-12, 500.0]],
         "residual": 3.1e-11,
+        "estimated_error": 0.041,
     },
     "warp": {
         "method": "least-squares",

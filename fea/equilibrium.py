@@ -1,0 +1,458 @@
+"""K u = f of any linear structure, and its derivatives by the adjoint method.
+
+A structure is a problem: its parameters (node positions, moduli, radii ...), what is prescribed, and
+its forces. With u the solution and g(u) any scalar, the adjoint λ solves K λ = ∂g/∂u with all supports
+at zero, and
+
+    dg = λ.df - λ'(dK) u + (∂g/∂u - K λ).du_prescribed,
+
+(Haftka and Gürdal, Elements of Structural Optimization, 3rd ed., section 7.2), so one more solve with
+the factor that is there gives the derivative with respect to everything. Where ∂g/∂u is a multiple
+of the forces, as for compliance, λ is the same multiple of u and even that solve is saved.
+"""
+
+import abc
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.sparse import bsr_array
+
+from fea.assembly import Pattern, Reduced
+from fea.boundary_conditions import check_loads
+from fea.errors import FeaError
+from fea.linear_solve import Factor, factorise
+from fea.linear_solve.element_operator import ElementOperator
+from fea.linear_solve.interface import Matrix, SingularStiffness
+from fea.mechanisms import describe_mode
+from fea.precision import require_x64
+from fea.rigid_motion import rigid_body_modes
+
+ArrayLike = Array | np.ndarray
+
+# Name of the solver that needs no assembled matrix.
+MATRIX_FREE = "jax-cg"
+
+# Largest difference between ∂g/∂u and a multiple of the forces that is rounding, relative.
+SAME_DIRECTION = 1e-13
+
+
+class AbstractProblem(abc.ABC):
+    """A linear structure, its supports and its loads.
+
+    A leaf is a frozen dataclass with, beside its parameters, the fields
+
+    * `fixed: Bool[nodes, block]`: which dofs are prescribed,
+    * `value: Float[nodes, block]`: their values, ignored on free dofs,
+    * `forces: Float[cases, nodes, block]`: what acts on each dof.
+    """
+
+    fixed: Bool[np.ndarray, "nodes block"]
+    value: Float[np.ndarray, "nodes block"]
+    forces: Float[np.ndarray, "cases nodes block"]
+
+    @property
+    @abc.abstractmethod
+    def points(self) -> Float[np.ndarray, "nodes 3"]:
+        """Positions of the nodes [mm]."""
+
+    @property
+    @abc.abstractmethod
+    def connectivity(self) -> Int[np.ndarray, "elements corners"]:
+        """Nodes of each element."""
+
+    @property
+    @abc.abstractmethod
+    def parameters(self) -> dict[str, np.ndarray]:
+        """What the stiffness depends on and can be differentiated by, by name."""
+
+    @abc.abstractmethod
+    def with_parameters(self, values: Mapping[str, np.ndarray]) -> "AbstractProblem":
+        """The same problem with some parameters, `forces` or `value` replaced."""
+
+    @abc.abstractmethod
+    def check(self) -> None:
+        """Refuse what cannot be solved, by name.
+
+        Raises:
+            FeaError: with what is wrong, where, and the remedy.
+        """
+
+    @abc.abstractmethod
+    def stiffness(self, pattern: Pattern) -> bsr_array:
+        """K of the structure without its supports, in whole blocks of a node's dofs."""
+
+    @abc.abstractmethod
+    def operator(self, fixed: Bool[np.ndarray, "nodes block"]) -> ElementOperator:
+        """K as a rule for products that is never assembled; fixed dofs act as identity."""
+
+    @abc.abstractmethod
+    def solved(self, *, previous: Any = None, solver: str = "auto") -> "AbstractSolution":
+        """The solution, by `equilibrium`."""
+
+    @abc.abstractmethod
+    def bilinear_gradient(
+        self,
+        v: Float[np.ndarray, "cases nodes block"],
+        u: Float[np.ndarray, "cases nodes block"],
+    ) -> dict[str, np.ndarray]:
+        """Derivative of sum_c v_c' K u_c by each of `parameters`, v and u held."""
+
+
+class AbstractForm(abc.ABC):
+    """How a stiffness is held, and what becomes of it and of fields without the supports."""
+
+    @abc.abstractmethod
+    def stiffness(self, problem: AbstractProblem) -> tuple[Matrix, Matrix]:
+        """K, and K without the prescribed dofs."""
+
+    @abc.abstractmethod
+    def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
+        """Fields as columns on the dofs of the reduced matrix, zero on fixed dofs."""
+
+    @abc.abstractmethod
+    def expand(
+        self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
+    ) -> Float[np.ndarray, "columns nodes block"]:
+        """The inverse of `restrict`, with the prescribed value on fixed dofs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assembled(AbstractForm):
+    """A sparse matrix on a fixed pattern.
+
+    Attributes:
+        pattern: where node pairs go.
+        reduced: how supports are eliminated.
+    """
+
+    pattern: Pattern
+    reduced: Reduced
+
+    @classmethod
+    def of(cls, problem: AbstractProblem) -> "Assembled":
+        """Find the pattern."""
+        pattern = Pattern.from_nodes(problem.connectivity, len(problem.points))
+        return cls(pattern, Reduced.from_pattern(pattern, problem.fixed))
+
+    def stiffness(self, problem: AbstractProblem) -> tuple[bsr_array, bsr_array]:
+        """Assemble."""
+        K = problem.stiffness(self.pattern)
+        return K, self.reduced.matrix(K)
+
+    def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
+        """Nodes with a free dof only."""
+        return self.reduced.restrict(np.moveaxis(fields, 0, -1))
+
+    def expand(
+        self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
+    ) -> Float[np.ndarray, "columns nodes block"]:
+        """Whole fields."""
+        return self.reduced.expand(x, value)
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixFree(AbstractForm):
+    """Products of elements, never summed into a matrix; fixed dofs stay as uncoupled unknowns.
+
+    Attributes:
+        fixed: dofs whose displacement is prescribed.
+    """
+
+    fixed: Bool[np.ndarray, "nodes block"]
+
+    def stiffness(self, problem: AbstractProblem) -> tuple[ElementOperator, ElementOperator]:
+        """Two rules, with and without supports."""
+        return problem.operator(np.zeros_like(self.fixed)), problem.operator(self.fixed)
+
+    def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
+        """All nodes."""
+        return np.where(self.fixed, 0.0, fields).reshape(len(fields), -1).T.copy()
+
+    def expand(
+        self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
+    ) -> Float[np.ndarray, "columns nodes block"]:
+        """Whole fields."""
+        return np.where(self.fixed, value, x.T.reshape(-1, *self.fixed.shape))
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """What a solved problem leaves for the next: the same elements and supports, other values.
+
+    Attributes:
+        form: pattern and elimination of supports.
+        K: stiffness without supports.
+        factor: of the reduced stiffness.
+    """
+
+    form: AbstractForm
+    K: Matrix
+    factor: Factor
+
+
+@dataclass(frozen=True, eq=False)
+class AbstractSolution(abc.ABC):
+    """A solved problem.
+
+    Attributes:
+        problem: what was solved.
+        displacement: of each dof: [mm], and [rad] where nodes carry rotations.
+        residual: largest true |f - K u| / |f| of the reduced system over the cases.
+        iterations: of an iterative solver; 0 for a direct one.
+        system: for the next solve of the same structure, and for adjoint solves.
+    """
+
+    problem: AbstractProblem
+    displacement: Float[np.ndarray, "cases nodes block"]
+    residual: float
+    iterations: int
+    system: System
+
+    @cached_property
+    def compliance(self) -> Float[np.ndarray, " cases"]:
+        """Work u.f of the forces of each case [N mm]."""
+        return np.einsum("cni,cni->c", self.problem.forces, self.displacement)
+
+    @cached_property
+    def reaction(self) -> Float[np.ndarray, "cases nodes block"]:
+        """What the supports exert on the structure [N, N mm]; zero on free dofs."""
+        inner = _times(self.system.K, self.displacement)
+        return np.where(self.problem.fixed, inner - self.problem.forces, 0.0)
+
+    def adjoint(
+        self, load: Float[np.ndarray, "cases nodes block"]
+    ) -> Float[np.ndarray, "cases nodes block"]:
+        """K⁻¹ load with all supports at zero, by the factor at hand.
+
+        Cases whose load is a multiple of the forces, on free dofs, cost nothing when the supports
+        do not move.
+
+        Raises:
+            FeaError: when the factor went into a later solution, or the solve fails.
+        """
+        free = ~self.problem.fixed
+        at_rest = not _moves(self.problem)
+        result = np.zeros_like(load)
+        unknown = []
+        for case, wanted in enumerate(load):
+            b, f = wanted[free], self.problem.forces[case][free]
+            share = (b @ f) / (f @ f) if at_rest and f.any() else 0.0
+            if np.abs(b - share * f).max(initial=0.0) <= SAME_DIRECTION * np.abs(b).max(
+                initial=0.0
+            ):
+                result[case] = share * self.displacement[case]
+            else:
+                unknown.append(case)
+        if unknown:
+            form = self.system.form
+            x = self.system.factor.solve(form.restrict(load[unknown])).x
+            result[unknown] = form.expand(x, np.zeros_like(self.problem.value))
+        return result
+
+
+def compliance_gradient(
+    solution: AbstractSolution, weights: Float[np.ndarray, " cases"] | None = None
+) -> dict[str, np.ndarray]:
+    """Derivatives of sum_c w_c (u.f)_c by each parameter, by `forces` and by `value`.
+
+    Args:
+        solution: the solved problem.
+        weights: of the load cases; ones by default.
+
+    Raises:
+        FeaError: when supports move and the factor for the further solve is gone.
+    """
+    w = np.ones(len(solution.displacement)) if weights is None else weights
+    load = w[:, None, None] * solution.problem.forces
+    gradient = _pulled_back(solution, load)
+    # u.f depends on the forces directly, too.
+    gradient["forces"] = gradient["forces"] + w[:, None, None] * solution.displacement
+    return gradient
+
+
+def displacement(
+    problem: AbstractProblem,
+    *,
+    solver: str = "auto",
+    previous: AbstractSolution | None = None,
+    **parameters: ArrayLike,
+) -> Float[Array, "cases nodes block"]:
+    """Displacements of every load case, as a function that JAX differentiates.
+
+    `jax.grad` of any scalar made from them just works; its backward pass reuses the factor. The
+    linear solver runs on the host: call and differentiate this outside `jax.jit` and `jax.vmap`.
+
+    Args:
+        problem: gives all that is not replaced.
+        solver: see `fea.linear_solve.factorise`.
+        previous: solution of a similar problem, whose factor is taken over; see
+            `equilibrium`.
+        **parameters: values to use and to differentiate by: any of `problem.parameters`, `forces`
+            and `value`.
+
+    Raises:
+        FeaError: an unknown parameter, a call inside `jax.jit`, or what
+            `equilibrium` raises.
+    """
+    known = {**problem.parameters, "forces": problem.forces, "value": problem.value}
+    for name, value in parameters.items():
+        if name not in known:
+            raise FeaError(
+                f'"{name}" is no parameter of this problem; choose from {", ".join(known)}.'
+            )
+        if np.shape(value) != known[name].shape:
+            raise FeaError(
+                f'"{name}" has shape {np.shape(value)} here; this problem needs {known[name].shape}.'
+            )
+    values = {name: jnp.asarray(value) for name, value in parameters.items()}
+    return _displacement(problem, _Options(solver, previous), values)
+
+
+@dataclass(frozen=True, eq=False)
+class _Options:
+    solver: str
+    previous: AbstractSolution | None
+
+
+@jax.tree_util.register_static
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """What the backward pass needs: nothing that JAX looks into."""
+
+    solution: AbstractSolution
+    names: tuple[str, ...]
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0, 1))
+def _displacement(problem: AbstractProblem, options: _Options, values: dict[str, Array]) -> Array:
+    return _forward(problem, options, values)[0]
+
+
+def _forward(problem: AbstractProblem, options: _Options, values: dict[str, Array]):
+    try:
+        host = {name: np.asarray(value) for name, value in values.items()}
+    except jax.errors.TracerArrayConversionError as failure:
+        raise FeaError(
+            "fea.displacement runs a solver on the host, which JAX cannot trace; call it outside "
+            "jax.jit and jax.vmap, and differentiate it with jax.grad."
+        ) from failure
+    solution = problem.with_parameters(host).solved(
+        previous=options.previous, solver=options.solver
+    )
+    return jnp.asarray(solution.displacement), _Solved(solution, tuple(values))
+
+
+def _backward(problem: AbstractProblem, options: _Options, solved: _Solved, cotangent: Array):
+    gradient = _pulled_back(solved.solution, np.asarray(cotangent))
+    return ({name: jnp.asarray(gradient[name]) for name in solved.names},)
+
+
+_displacement.defvjp(_forward, _backward)
+
+
+def _pulled_back(
+    solution: AbstractSolution, cotangent: Float[np.ndarray, "cases nodes block"]
+) -> dict[str, np.ndarray]:
+    """From ∂g/∂u to the derivatives of g by everything that u depends on."""
+    fixed = solution.problem.fixed
+    adjoint = solution.adjoint(np.where(fixed, 0.0, cotangent))
+    gradient = solution.problem.bilinear_gradient(-adjoint, solution.displacement)
+    gradient["forces"] = adjoint
+    support = cotangent - _times(solution.system.K, adjoint)
+    gradient["value"] = np.where(fixed, support, 0.0).sum(axis=0)
+    return gradient
+
+
+def equilibrium(
+    problem: AbstractProblem, *, previous: AbstractSolution | None = None, solver: str = "auto"
+) -> tuple[Float[np.ndarray, "cases nodes block"], float, int, System]:
+    """Solve all load cases with one factor.
+
+    Args:
+        problem: what to solve.
+        previous: solution of a problem with the same elements and supports and other values; its
+            pattern, the symbolic part of its factor or its multigrid hierarchy are reused, and its
+            displacements are the first guess. It can still be read afterwards, but its factor is
+            spent.
+        solver: see `fea.linear_solve.factorise`; ignored with `previous`.
+
+    Returns:
+        Displacements, largest residual, most iterations, and the system.
+
+    Raises:
+        FeaError: when the problem is malformed, can move freely, or the solve fails.
+    """
+    require_x64()
+    if previous is not None:
+        _check_same(problem, previous.problem)
+    held = np.argwhere(problem.fixed & ~np.isfinite(problem.value))
+    if len(held):
+        raise FeaError(
+            f"The displacement prescribed at node {held[0, 0]}, dof {held[0, 1]}, is not a number."
+        )
+    check_loads(problem.fixed, problem.forces, moved=_moves(problem))
+    problem.check()
+    if previous is None:
+        form = MatrixFree(problem.fixed) if solver == MATRIX_FREE else Assembled.of(problem)
+    else:
+        form = previous.system.form
+    K, reduced = form.stiffness(problem)
+    value = np.where(problem.fixed, problem.value, 0.0)
+    forces = problem.forces - _times(K, value[None]) if value.any() else problem.forces
+    guess = None
+    if previous is not None and previous.displacement.shape == problem.forces.shape:
+        guess = form.restrict(previous.displacement)
+    try:
+        if previous is None:
+            factor = factorise(reduced, near_null=_rigid_modes(problem, form), solver=solver)
+        else:
+            factor = previous.system.factor.update(reduced)
+        solved = factor.solve(form.restrict(forces), x0=guess)
+    except SingularStiffness as failure:
+        raise _named(failure, problem, form) from failure
+    u = form.expand(solved.x, value)
+    return u, solved.residual, solved.iterations, System(form, K, factor)
+
+
+def _rigid_modes(problem: AbstractProblem, form: AbstractForm) -> Float[np.ndarray, "dofs 6"]:
+    block = problem.fixed.shape[1]
+    modes = rigid_body_modes(problem.points, rotations=block == 6)
+    return form.restrict(np.moveaxis(modes.reshape(-1, block, 6), -1, 0))
+
+
+def _named(
+    failure: SingularStiffness, problem: AbstractProblem, form: AbstractForm
+) -> SingularStiffness:
+    """The same failure, with the motion that nothing resists in words."""
+    if failure.mode is None:
+        return failure
+    mode = form.expand(failure.mode[:, None], np.zeros_like(problem.value))[0, :, :3]
+    if not mode.any():  # joints that turn on the spot
+        return failure
+    words = describe_mode(problem.points, mode)
+    return SingularStiffness(f"{failure} What moves: {words}.", failure.mode)
+
+
+def _moves(problem: AbstractProblem) -> bool:
+    """Whether a support prescribes more than standing still."""
+    return bool((problem.fixed & (problem.value != 0)).any())
+
+
+def _check_same(problem: AbstractProblem, previous: AbstractProblem) -> None:
+    for name in ("connectivity", "fixed"):
+        now, before = getattr(problem, name), getattr(previous, name)
+        if now is not before and not np.array_equal(now, before):
+            word = {"connectivity": "elements", "fixed": "supports"}[name]
+            raise FeaError(f"The previous solution has other {word}; solve without it.")
+
+
+def _times(
+    K: Matrix, u: Float[np.ndarray, "cases nodes block"]
+) -> Float[np.ndarray, "cases nodes block"]:
+    return (K @ u.reshape(len(u), -1).T).T.reshape(u.shape)

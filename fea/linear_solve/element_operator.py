@@ -1,0 +1,57 @@
+"""A stiffness that is never assembled: products and diagonal blocks, in JAX."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.sparse import bsr_array, csr_array
+
+
+class ElementOperator(eqx.Module):
+    """A symmetric positive definite operator on fields with `block` values at each of n nodes.
+
+    Attributes:
+        matvec: the product with a field, in pure JAX; fixed dofs act as identity and couple to
+            nothing. A pytree whose leaves are the arrays it needs, such as
+            `jax.tree_util.Partial(product, element_matrices, tets)`: new arrays then need no new
+            compilation, where a closure would be compiled for each.
+        diagonal: diagonal blocks of the nodes.
+    """
+
+    matvec: Callable[[Float[Array, "n block"]], Float[Array, "n block"]]
+    diagonal: Float[Array, "n block block"]
+
+    @property
+    def block(self) -> int:
+        """Dofs of a node."""
+        return self.diagonal.shape[1]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns, dofs of node 0 first."""
+        dofs = self.diagonal.shape[0] * self.diagonal.shape[1]
+        return dofs, dofs
+
+    def __matmul__(self, x: Float[np.ndarray, "dofs ..."]) -> Float[np.ndarray, "dofs ..."]:
+        """Products with the columns of a NumPy array."""
+        if x.ndim == 1:
+            return np.asarray(_product(self, jnp.asarray(x)))
+        columns = [self @ np.ascontiguousarray(column) for column in x.T]
+        return np.stack(columns, axis=1) if columns else x.copy()
+
+
+@eqx.filter_jit
+def _product(operator: ElementOperator, x: Float[Array, " dofs"]) -> Float[Array, " dofs"]:
+    return operator.matvec(x.reshape(operator.diagonal.shape[:2])).reshape(-1)
+
+
+# A stiffness as solvers take it: assembled in whole node blocks, or a rule for products.
+Matrix = bsr_array | ElementOperator
+
+
+def matrix_shape(K: Matrix | csr_array) -> tuple[int, int]:
+    """Rows and columns; SciPy's own annotation of `shape` allows None."""
+    rows, columns = K.shape  # pyright: ignore[reportGeneralTypeIssues]
+    return int(rows), int(columns)
