@@ -1,42 +1,43 @@
 """Time, memory and residual of every linear solver on solids and frames.
 
-`python3 benchmarks/linear_solve.py --folder tets > result.json` measures, each measurement in a
-process of its own; `python3 benchmarks/linear_solve.py --table result.json` prints the table that
-docs/decisions/0001-linear-solver-choice.md rests on.
+`python3 benchmarks/linear_solve.py` writes benchmarks/results/linear_solve.json and, beside it, the table
+in linear_solve.md that docs/decisions/0001-linear-solver-choice.md rests on. Each measurement has a
+process of its own.
 
-Solids are the tets (`nodes`, `tets`) in the folder's .npz files, clamped at their lowest x, pulled
-down at the highest; boxes are added where the folder lacks them, so that every solver and every later
-run sees the same meshes. Frames are cubes of unit cells, clamped below, loaded above. "Next" solves
+Solids are the tets (`nodes`, `tets`) in the .npz files of --folder, clamped at their lowest x, pulled
+down at the highest; boxes are added where the folder lacks them, and any other file there is measured
+too. Frames are cubes of unit cells, clamped below, loaded above. "Next" solves
 with all moduli or radii changed at random by a factor of 0.8 to 1.25 and the last solution as guess.
 """
 
 import argparse
 import json
-import os
-import platform
-import resource
 import subprocess
 import sys
 import time
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+from solid import installed, machine
+from stopwatch import peak_memory_gb
 
 from fea import FeaError, Support, TetMesh, force_on_facets, material, rigid_body_modes
 from fea.equilibrium import AbstractForm, AbstractProblem, Assembled, MatrixFree
 from fea.frame import FrameProblem
 from fea.linear_solve import factorise
+from fea.linear_solve.element_operator import MATRIX_FREE
 from fea.sections import Round
 from fea.solid import SolidProblem
+
+HERE = Path(__file__).parent
+PACKAGES = ("python", "numpy", "scipy", "jax", "pyamg", "pypardiso", "mkl")
 
 # Size [mm], hexahedra along x, y, z, and nodes of a tetrahedron of the boxes.
 BOXES = {
     "cube-tet10-13": ((40.0, 40.0, 40.0), (13, 13, 13), 10),
     "cube-tet10-18": ((40.0, 40.0, 40.0), (18, 18, 18), 10),
-    "cube-tet10-23": ((40.0, 40.0, 40.0), (23, 23, 23), 10),
     "bar-tet10-7": ((100.0, 20.0, 20.0), (35, 7, 7), 10),
     "bar-tet4-20": ((100.0, 20.0, 20.0), (100, 20, 20), 4),
     "bar-tet4-32": ((100.0, 20.0, 20.0), (160, 32, 32), 4),
@@ -50,13 +51,14 @@ FRAMES = {
     "octet-24": ("octet", 24, 0.05),
     "bcc-16": ("bcc", 16, 0.05),
     "bcc-16-slender": ("bcc", 16, 0.01),
-    "bcc-24-slender": ("bcc", 24, 0.01),
 }
 
-# Largest models [dofs] that a solver is tried on: beyond, it takes minutes or tens of GB.
-LIMITS = {"pardiso": 400_000, "superlu": 60_000, "amg": 2_000_000, "jax-cg": 250_000}
+# Largest models [dofs] that a solver is tried on: beyond, it takes most of a minute or many GB.
+LIMITS = {"pardiso": 200_000, "superlu": 46_000, "amg": 2_000_000, MATRIX_FREE: 120_000}
 
-REPEATS = 3
+# Measured seconds after which a run is not repeated: other programs disturb long ones in proportion
+# less.
+LONG = 10.0
 
 
 def solid(path: Path) -> SolidProblem:
@@ -118,7 +120,7 @@ class Clock:
 
 def measure(problem: AbstractProblem, solver: str) -> dict[str, Any]:
     """Prepare, solve, and solve again with other values, in this process."""
-    free = solver == "jax-cg"
+    free = solver == MATRIX_FREE
     form: AbstractForm = MatrixFree(problem.fixed) if free else Assembled.of(problem)
     first, second = (form.stiffness(p)[1] for p in (problem, varied(problem)))
     modes = rigid_body_modes(problem.points, rotations=problem.fixed.shape[1] == 6)
@@ -126,23 +128,18 @@ def measure(problem: AbstractProblem, solver: str) -> dict[str, Any]:
     load = form.restrict(problem.forces)
     if free:  # what JAX compiles is the same for every problem of this size
         factorise(first, near_null=modes, solver=solver).solve(load, rtol=0.9)
-    row: dict[str, Any] = {"solver": solver, "dofs": len(load), "before_gb": peak_gb()}
+    row: dict[str, Any] = {"solver": solver, "dofs": len(load), "before_gb": peak_memory_gb()}
     clock = Clock()
     factor = factorise(first, near_null=modes, solver=solver)
     row["prepare_s"], row["prepare_cpu_s"] = clock.look()
     solution = factor.solve(load)
     row["solve_s"], row["solve_cpu_s"] = clock.look()
     row["iterations"], row["residual"] = solution.iterations, solution.residual
-    row["gb"] = peak_gb()
+    row["gb"] = peak_memory_gb()
     again = factor.update(second).solve(load, x0=solution.x)
     row["next_s"], row["next_cpu_s"] = clock.look()
     row["next_iterations"], row["next_residual"] = again.iterations, again.residual
     return row
-
-
-def peak_gb() -> float:
-    """Largest memory of this process so far."""
-    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, 2)
 
 
 def one(folder: Path, name: str, solver: str) -> dict[str, Any]:
@@ -157,14 +154,8 @@ def one(folder: Path, name: str, solver: str) -> dict[str, Any]:
         return {"problem": name, "solver": solver, "failure": str(failure)}
 
 
-def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """The smallest of every time; other entries are those of the first run."""
-    times = [key for key in rows[0] if key.endswith("_s")]
-    return {**rows[0], **{key: min(row[key] for row in rows) for key in times}}
-
-
-def measured(folder: Path, only: list[str], solvers: list[str]) -> dict[str, Any]:
-    """All rows, with the machine they come from."""
+def make_boxes(folder: Path) -> None:
+    """The boxes that a folder lacks."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, (size, cells, corners) in BOXES.items():
         path = folder / f"{name}.npz"
@@ -172,33 +163,61 @@ def measured(folder: Path, only: list[str], solvers: list[str]) -> dict[str, Any
             mesh = TetMesh.box(size, cells)
             mesh = mesh.to_tet10() if corners == 10 else mesh
             np.savez(path, nodes=mesh.nodes, tets=mesh.tets.astype(np.int32))
+
+
+def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """The smallest of every time; other entries are those of the first run."""
+    times = [key for key in rows[0] if key.endswith("_s")]
+    return {**rows[0], **{key: min(row[key] for row in rows) for key in times}}
+
+
+def measured(folder: Path, only: list[str], solvers: list[str], repeats: int) -> dict[str, Any]:
+    """All rows, with the machine they come from."""
+    # Not in this process: a child's peak memory starts from its parent's.
+    child("--folder", str(folder), "--make")
     names = [path.stem for path in sorted(folder.glob("*.npz"))] + list(FRAMES)
+    versions = installed()
+    left_out = [] if versions["pypardiso"] else ["pardiso"]
     rows = []
     for name in only or names:
-        for solver in solvers:
-            command = [sys.executable, __file__, "--folder", str(folder), "--one", name, solver]
-            runs = []
-            for _ in range(REPEATS):
-                done = subprocess.run(command, capture_output=True, text=True, check=True)
-                runs.append(json.loads(done.stdout))
-                if "prepare_s" not in runs[-1]:
-                    break
+        for solver in (one for one in solvers if one not in left_out):
+            runs: list[dict[str, Any]] = []
+            while len(runs) < repeats and (not runs or short(runs[0])):
+                runs.append(json.loads(child("--folder", str(folder), "--one", name, solver)))
             if runs[0]:
-                rows.append(best(runs))
+                rows.append({**best(runs), "runs": len(runs)})
                 print(json.dumps(rows[-1]), file=sys.stderr)
-    packages = ("numpy", "scipy", "jax", "pyamg", "pypardiso", "mkl")
-    machine = {"processor": platform.machine(), "cores": os.cpu_count()}
-    versions = {package: version(package) for package in packages}
-    return {"machine": machine, "versions": versions, "best_of": REPEATS, "rows": rows}
+    return {
+        "machine": machine(),
+        "versions": {package: versions[package] for package in PACKAGES},
+        "left_out": left_out,
+        "rows": rows,
+    }
 
 
-def table(rows: list[dict[str, Any]]) -> str:
-    """Markdown: seconds as wall / CPU."""
+def short(row: dict[str, Any]) -> bool:
+    """Whether there is a measurement, and it is worth repeating."""
+    return "prepare_s" in row and sum(row[k] for k in ("prepare_s", "solve_s", "next_s")) < LONG
+
+
+def child(*options: str) -> str:
+    """What this command prints in a process of its own."""
+    command = [sys.executable, __file__, *options]
+    return subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+
+
+def markdown(result: dict[str, Any]) -> str:
+    """The table for readers; seconds are wall / CPU."""
+    about, versions = result["machine"], result["versions"]
     lines = [
-        "| problem | dofs | solver | prepare s | solve s | next s | iterations | residual | GB |",
-        "|---|---|---|---|---|---|---|---|---|",
+        f"{about['cpu']}, {about['cores']} cores, {about['memory_gb']:g} GB; "
+        + ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
+        + ". Seconds are wall / CPU, the least of as many runs as the last column says.",
+        "",
+        "| problem | dofs | solver | prepare s | solve s | next s | iterations | residual | GB | runs |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for row in rows:
+    for row in result["rows"]:
         if "failure" in row:
             lines.append(f"| {row['problem']} | | {row['solver']} | {row['failure']} |||||||")
             continue
@@ -207,26 +226,35 @@ def table(rows: list[dict[str, Any]]) -> str:
         ]
         lines.append(
             f"| {row['problem']} | {row['dofs']:,} | {row['solver']} | {' | '.join(spent)} | "
-            f"{row['iterations']}, {row['next_iterations']} | {row['residual']:.0e} | {row['gb']} |"
+            f"{row['iterations']}, {row['next_iterations']} | {row['residual']:.0e} | "
+            f"{row['gb']:.2f} | {row['runs']} |"
         )
-    return "\n".join(lines)
+    return "\n".join(lines) + "\n"
 
 
 def main() -> None:
-    """Measure everything, one thing in the process that was asked to, or print the table."""
+    """Measure everything, or in a process of its own one thing."""
     parser = argparse.ArgumentParser(description="Time, memory and residual of linear solvers.")
-    parser.add_argument("--folder", type=Path, default=Path("tets"), help="where tets are kept")
+    folder = HERE / "meshes" / "linear_solve"
+    parser.add_argument("--folder", type=Path, default=folder, help="where tets are kept")
+    parser.add_argument("--out", type=Path, default=HERE / "results" / "linear_solve.json")
+    parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=[], help="problems, by name")
     parser.add_argument("--solvers", nargs="*", default=list(LIMITS))
-    parser.add_argument("--table", type=Path, help="print the table of this result")
     parser.add_argument("--one", nargs=2, metavar=("PROBLEM", "SOLVER"), help=argparse.SUPPRESS)
+    parser.add_argument("--make", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
-    if asked.table:
-        print(table(json.loads(asked.table.read_text())["rows"]))
-    elif asked.one:
+    if asked.make:
+        make_boxes(asked.folder)
+        return
+    if asked.one:
         print(json.dumps(one(asked.folder, *asked.one)))
-    else:
-        print(json.dumps(measured(asked.folder, asked.only, asked.solvers), indent=1))
+        return
+    result = measured(asked.folder, asked.only, asked.solvers, asked.repeats)
+    asked.out.parent.mkdir(parents=True, exist_ok=True)
+    asked.out.write_text(json.dumps(result, indent=1) + "\n")
+    asked.out.with_suffix(".md").write_text(markdown(result))
+    print(markdown(result))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,9 @@ All numbers are float64: programs switch JAX's `jax_enable_x64` on before they c
 
 from fea.adaptive import Adapted as Adapted
 from fea.adaptive import refine as refine
+from fea.adjoint import Sequence as Sequence
+from fea.adjoint import compliance_gradient as compliance_gradient
+from fea.adjoint import displacement as displacement
 from fea.boundary_conditions import Support as Support
 from fea.boundary_conditions import body_forces as body_forces
 from fea.boundary_conditions import force_on_facets as force_on_facets
@@ -25,14 +28,13 @@ from fea.boundary_conditions import gravity_forces as gravity_forces
 from fea.boundary_conditions import moment_on_facets as moment_on_facets
 from fea.boundary_conditions import pressure_forces as pressure_forces
 from fea.boundary_conditions import traction_forces as traction_forces
-from fea.equilibrium import compliance_gradient as compliance_gradient
-from fea.equilibrium import displacement as displacement
 from fea.error_estimate import ErrorEstimate as ErrorEstimate
 from fea.errors import FeaError as FeaError
 from fea.frame import FrameProblem as FrameProblem
 from fea.frame import FrameSolution as FrameSolution
 from fea.frame import solve_frame as solve_frame
 from fea.ftetwild import tetrahedralise as tetrahedralise
+from fea.linear_solve import SingularStiffness as SingularStiffness
 from fea.linear_solve import SolveResult as SolveResult
 from fea.linear_solve import factorise as factorise
 from fea.materials import Material as Material
@@ -50,6 +52,8 @@ from fea.objectives import stress_p_norm as stress_p_norm
 from fea.precision import require_x64 as require_x64
 from fea.rigid_motion import free_motion as free_motion
 from fea.rigid_motion import rigid_body_modes as rigid_body_modes
+from fea.sections import Round as Round
+from fea.sections import Square as Square
 from fea.sections import section as section
 from fea.sizing_field import Sizing as Sizing
 from fea.solid import SolidProblem as SolidProblem

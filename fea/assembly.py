@@ -7,11 +7,10 @@ whole blocks: a node's dofs are never torn apart.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import bsr_array, coo_array, csc_array, csr_array
+from scipy.sparse import bsr_array, coo_array, csc_array
 
 from fea.errors import FeaError
 
@@ -132,16 +131,6 @@ class Pattern:
         """The sum of element matrices that are given as `node_pairs`."""
         return self.matrix(*self.sums(values))
 
-    @cached_property
-    def components(self) -> Int[np.ndarray, " nodes"]:
-        """Number of the connected part that each node belongs to."""
-        from scipy.sparse.csgraph import connected_components
-
-        graph = csr_array(
-            (np.ones(len(self.indices)), self.indices, self.indptr), (self.nodes, self.nodes)
-        )
-        return connected_components(graph, directed=False)[1].astype(np.int64)
-
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
@@ -207,7 +196,7 @@ class Reduced:
         """Values on the reduced dofs [kept * block, ...], zero where a kept dof is fixed."""
         kept = field[self.kept].copy()
         kept[self.fixed[self.kept]] = 0.0
-        return kept.reshape(-1, *field.shape[2:])
+        return kept.reshape(len(kept) * field.shape[1], *field.shape[2:])
 
     def expand(
         self, x: Float[np.ndarray, "dofs cases"], value: Float[np.ndarray, "nodes block"]
@@ -220,6 +209,6 @@ class Reduced:
         """
         nodes, block = self.fixed.shape
         u = np.zeros((x.shape[1], nodes, block))
-        u[:, self.kept] = x.T.reshape(-1, len(self.kept), block)
+        u[:, self.kept] = x.T.reshape(x.shape[1], len(self.kept), block)
         u[:, self.fixed] = value[self.fixed]
         return u

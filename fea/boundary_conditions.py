@@ -8,24 +8,30 @@ Loads follow the shape: each function takes `nodes`, positions to use instead of
 so that `jax.grad` of an objective sees how the load changes with them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jax.core import Tracer
+from jaxtyping import Bool, Float, Int
 
-from fea.elements import TETRAHEDRA, TRIANGLES
-from fea.errors import FeaError
-from fea.isoparametric import cell_points, facet_points
-from fea.precision import refuse_single_precision
-from fea.quadrature import TETRAHEDRON_1, TETRAHEDRON_5, TRIANGLE_4, Quadrature
+from fea.errors import FeaError, position_text
+from fea.load_values import Field, Values, constant, field
+from fea.nodal_forces import (
+    Facets,
+    Forces,
+    Nodes,
+    check_area,
+    forces_of_cells,
+    forces_of_facets,
+    in_cells,
+    norms,
+    on_facets,
+)
+from fea.precision import as_float64, refuse_single_precision
+from fea.quadrature import TETRAHEDRON_1, TETRAHEDRON_5
 from fea.tet_mesh import TetMesh
-
-# N times the normal of a curved tri6 has degree 4, and N times a quadratic load on a straight one.
-FACET_RULE = TRIANGLE_4
 
 # N det J of a curved tet10 has degree 5.
 CELL_RULE = TETRAHEDRON_5
@@ -36,28 +42,49 @@ WEIGHT_RULES = {4: TETRAHEDRON_1, 10: TETRAHEDRON_5}
 # A load case with less than this share on free dofs loads nothing: the share is rounding.
 LOADS_NOTHING = 1e-9
 
-Values = Float[np.ndarray | Array, "..."]
-Nodes = Float[np.ndarray | Array, "nodes 3"]
-# Of the kind of what goes in: NumPy, or JAX where anything that goes in is.
-Forces = Float[Any, "nodes 3"]
-Facets = Int[np.ndarray, "facets corners"]
-# A field over space: from positions, one a row, to a value for each.
-Field = Callable[[Any], Any]
-
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """Nodes whose displacement is prescribed.
+    """Nodes whose displacement is prescribed; lists and integers are made arrays of float64.
 
     Attributes:
-        nodes: the nodes.
+        nodes: their numbers, as from `TetMesh.nodes_where`.
         fixed: which of x, y, z are prescribed.
         value: prescribed displacement [mm], one for all nodes or one a node; read where `fixed`.
+
+    Raises:
+        FeaError: when nodes are not integers (a mask, say), or shapes are not these.
     """
 
     nodes: Int[np.ndarray, " nodes"]
     fixed: Bool[np.ndarray, " 3"]
     value: Float[np.ndarray, " 3"] | Float[np.ndarray, "nodes 3"]
+
+    def __post_init__(self):
+        nodes, fixed = np.asarray(self.nodes), np.asarray(self.fixed)
+        value = as_float64(self.value, "Displacements of a support")
+        if nodes.dtype == bool:
+            raise FeaError(
+                f"Nodes of a support are a mask of shape {nodes.shape}; give their numbers: "
+                "np.flatnonzero(mask), or mesh.nodes_where(test)."
+            )
+        if nodes.ndim != 1 or (nodes.size and nodes.dtype.kind not in "iu"):
+            raise FeaError(
+                f"Nodes of a support are {nodes.dtype} of shape {nodes.shape}; give integers in one "
+                "row, as mesh.nodes_where(test) does (np.unique makes one of facets)."
+            )
+        if fixed.dtype != bool or fixed.shape != (3,):
+            raise FeaError(
+                f"The directions that a support fixes are {fixed.dtype} of shape {fixed.shape}; give "
+                "three truth values, for x, y and z."
+            )
+        if value.shape not in ((3,), (len(nodes), 3)):
+            raise FeaError(
+                f"Displacements of a support have shape {value.shape}; give x, y, z once, or in "
+                f"{len(nodes)} rows, one a node."
+            )
+        for name, array in (("nodes", nodes.astype(np.int64)), ("fixed", fixed), ("value", value)):
+            object.__setattr__(self, name, array)
 
     @classmethod
     def clamp(cls, nodes: Int[np.ndarray, " nodes"]) -> "Support":
@@ -75,16 +102,19 @@ def prescribed_dofs(
         nodes: number of nodes of the mesh.
 
     Raises:
-        FeaError: when supports name nodes that do not exist, prescribe what is not a number, are
-            in single precision, or contradict each other.
+        FeaError: when supports name no nodes or some that do not exist, prescribe what is not a
+            number, or contradict each other.
     """
     fixed = np.zeros((nodes, 3), dtype=bool)
     value = np.zeros((nodes, 3))
     if not supports:
         return fixed, value
-    for number, support in enumerate(supports, start=1):
-        refuse_single_precision(support.value, f"Values of support {number}")
     count = [len(support.nodes) for support in supports]
+    if 0 in count:
+        raise FeaError(
+            f"Support {count.index(0) + 1} names no node, so it holds nothing; widen the region that "
+            "chooses its nodes, or leave it out."
+        )
     owner = np.repeat(np.arange(1, len(supports) + 1), count)
     node = np.concatenate([support.nodes for support in supports])
     axes = np.repeat(np.stack([support.fixed for support in supports]), count, axis=0)
@@ -134,13 +164,13 @@ def traction_forces(
     Raises:
         FeaError: when facets are not of this mesh, or the traction is not a number.
     """
-    x, normal = _facets(mesh, facets, nodes, traction)
-    t = _field(traction, x, (3,), "traction")
-    return _spread(mesh, facets, _norm(normal)[:, :, None] * t)
+    x, normal = on_facets(mesh, facets, nodes, traction)
+    t = field(traction, x, (3,), "traction")
+    return forces_of_facets(mesh, facets, norms(normal)[:, :, None] * t)
 
 
 def pressure_forces(
-    mesh: TetMesh, facets: Facets, pressure: float | Values | Field, *, nodes: Nodes | None = None
+    mesh: TetMesh, facets: Facets, pressure: Values | Field, *, nodes: Nodes | None = None
 ) -> Forces:
     """Nodal forces [N] of a pressure [MPa]; positive pushes against the outward normal.
 
@@ -153,9 +183,9 @@ def pressure_forces(
     Raises:
         FeaError: when facets are not of this mesh, or the pressure is not a number.
     """
-    x, normal = _facets(mesh, facets, nodes, pressure)
-    p = _field(pressure, x, (), "pressure")
-    return _spread(mesh, facets, -p[:, :, None] * normal)
+    x, normal = on_facets(mesh, facets, nodes, pressure)
+    p = field(pressure, x, (), "pressure")
+    return forces_of_facets(mesh, facets, -p[:, :, None] * normal)
 
 
 def force_on_facets(
@@ -172,11 +202,11 @@ def force_on_facets(
     Raises:
         FeaError: when facets have no area or are not of this mesh, or the force is not a number.
     """
-    _check_area(mesh, facets)
-    _, normal = _facets(mesh, facets, nodes, force)
-    area = _norm(normal)
-    t = _constant(force, (3,), "force") / area.sum()
-    return _spread(mesh, facets, area[:, :, None] * t[None, None, :])
+    check_area(mesh, facets)
+    _, normal = on_facets(mesh, facets, nodes, force)
+    area = norms(normal)
+    t = constant(force, (3,), "force") / area.sum()
+    return forces_of_facets(mesh, facets, area[:, :, None] * t[None, None, :])
 
 
 def moment_on_facets(
@@ -196,19 +226,19 @@ def moment_on_facets(
     Raises:
         FeaError: when facets have no area or are not of this mesh, or the moment is not a number.
     """
-    _check_area(mesh, facets)
-    x, normal = _facets(mesh, facets, nodes, moment)
+    check_area(mesh, facets)
+    x, normal = on_facets(mesh, facets, nodes, moment)
     xp = normal.__array_namespace__()
-    area = _norm(normal)
+    area = norms(normal)
     r = x - (xp.einsum("fq,fqx->x", area, x) / area.sum())[None, None, :]
     second = xp.einsum("fq,fqx,fqy->xy", area, r, r)
-    M = _constant(moment, (3,), "moment")
+    M = constant(moment, (3,), "moment")
     a = xp.linalg.solve(xp.trace(second) * np.eye(3) - second, M[:, None])[:, 0]
-    return _spread(mesh, facets, area[:, :, None] * xp.cross(a[None, None, :], r))
+    return forces_of_facets(mesh, facets, area[:, :, None] * xp.cross(a[None, None, :], r))
 
 
 def gravity_forces(
-    mesh: TetMesh, density: float | Values, g: Values, *, nodes: Nodes | None = None
+    mesh: TetMesh, density: Values, g: Values, *, nodes: Nodes | None = None
 ) -> Forces:
     """Nodal forces [N] of the weight.
 
@@ -219,15 +249,17 @@ def gravity_forces(
         nodes: positions to use instead of the mesh's.
 
     Raises:
-        FeaError: when density or acceleration are not numbers, or not of these shapes.
+        FeaError: when density or acceleration are not numbers, or not of these shapes, or the
+            density is negative, or zero everywhere.
     """
     rule = WEIGHT_RULES[mesh.tets.shape[1]]
-    _, volume = _cells(mesh, nodes, rule, density, g)
+    _, volume = in_cells(mesh, nodes, rule, density, g)
     cells = (len(mesh.tets),)
-    rho = _constant(density, cells if np.ndim(density) else (), "density")
+    rho = constant(density, cells if np.ndim(density) else (), "density")
+    _check_density(rho)
     mass = volume * (rho[:, None] if rho.ndim else rho)
-    g = _constant(g, (3,), "acceleration")
-    return _into_cells(mesh, mass[:, :, None] * g[None, None, :], rule)
+    acceleration = constant(g, (3,), "acceleration")
+    return forces_of_cells(mesh, mass[:, :, None] * acceleration[None, None, :], rule)
 
 
 def body_forces(mesh: TetMesh, force: Values | Field, *, nodes: Nodes | None = None) -> Forces:
@@ -241,44 +273,57 @@ def body_forces(mesh: TetMesh, force: Values | Field, *, nodes: Nodes | None = N
     Raises:
         FeaError: when the force is not a number.
     """
-    x, volume = _cells(mesh, nodes, CELL_RULE, force)
-    b = _field(force, x, (3,), "force per volume")
-    return _into_cells(mesh, volume[:, :, None] * b, CELL_RULE)
+    x, volume = in_cells(mesh, nodes, CELL_RULE, force)
+    b = field(force, x, (3,), "force per volume")
+    return forces_of_cells(mesh, volume[:, :, None] * b, CELL_RULE)
 
 
 def load_on_supports(
     fixed: Bool[np.ndarray, "nodes dofs"], forces: Float[np.ndarray, "cases nodes dofs"]
 ) -> Float[np.ndarray, " cases"]:
-    """Share of each load case's forces, by sum of magnitudes, that acts on fixed dofs.
+    """Share of each load case that acts on fixed dofs: it goes into the supports, and loads nothing.
 
-    Such forces go into the supports and load nothing else. Zero for a case without forces.
+    By sum of magnitudes: of the forces, or of a frame's moments where theirs is larger, as N and
+    N mm do not add up. Zero for a case without loads.
 
     Args:
         fixed: dofs whose displacement is prescribed.
-        forces: nodal forces.
+        forces: nodal forces, and moments.
     """
-    size = np.abs(forces)
-    total = size.sum(axis=(1, 2))
-    held = np.einsum("snd,nd->s", size, fixed.astype(float))
-    return held / np.where(total > 0, total, 1.0)
+    total, held = _loads_and_held(fixed, forces)
+    return (held / np.where(total > 0, total, 1.0)).max(axis=1)
+
+
+def _loads_and_held(
+    fixed: Bool[np.ndarray, "nodes dofs"], forces: Float[np.ndarray, "cases nodes dofs"]
+) -> tuple[Float[np.ndarray, "cases kinds"], Float[np.ndarray, "cases kinds"]]:
+    """Sums of magnitudes, of forces and (frames) of moments: of all, and of those on fixed dofs."""
+    size = np.abs(forces).reshape(*forces.shape[:2], -1, 3)
+    held = fixed.astype(float).reshape(len(fixed), -1, 3)
+    return size.sum(axis=(1, 3)), np.einsum("snkx,nkx->sk", size, held)
 
 
 def check_loads(
-    fixed: Bool[np.ndarray, "nodes dofs"], forces: Float[np.ndarray, "..."], *, moved: bool = False
+    fixed: Bool[np.ndarray, "nodes dofs"],
+    forces: Float[np.ndarray, "..."],
+    *,
+    moved: bool = False,
+    points: Float[np.ndarray, "nodes 3"] | None = None,
 ) -> None:
     """Raise unless every load case is a load that can be solved for.
 
     Args:
         fixed: dofs whose displacement is prescribed.
-        forces: nodal forces, [cases, nodes, dofs].
-        moved: whether supports prescribe displacements other than zero; then a load case that
-            acts on supports alone still has an answer.
+        forces: nodal forces, [cases, nodes, dofs]; of a frame moments too.
+        moved: whether supports prescribe displacements other than zero; then a load case that is
+            zero, or acts on supports alone, still has an answer.
+        points: positions of the nodes [mm], for the message.
 
     Raises:
         FeaError: for forces of another number of nodes, in single precision or not numbers, or a
-            load case, not zero, whose forces act on fixed dofs only.
+            load case that is zero or whose forces and moments act on fixed dofs only.
     """
-    if forces.shape[1:] != fixed.shape:
+    if forces.ndim != 3 or forces.shape[1:] != fixed.shape:
         raise FeaError(
             f"Forces have shape {forces.shape}; give one of shape {fixed.shape} for each load case."
         )
@@ -292,109 +337,34 @@ def check_loads(
         )
     if moved:
         return
-    share = load_on_supports(fixed, forces)
-    useless = np.flatnonzero(share > 1 - LOADS_NOTHING)
+    total, held = _loads_and_held(fixed, forces)
+    empty = np.flatnonzero(~total.any(axis=1))
+    if empty.size:
+        raise FeaError(
+            f"Load case {empty[0]} (from 0) is zero, so there is nothing to solve; give it a load, "
+            "leave it out, or prescribe a displacement."
+        )
+    # Each kind against itself: a large moment on a held joint does not hide a force elsewhere.
+    useless = np.flatnonzero((total - held <= LOADS_NOTHING * total).all(axis=1))
     if useless.size:
+        case = int(useless[0])
+        node = int(np.abs(forces[case]).max(axis=1).argmax())
+        where = "" if points is None else f" at {position_text(points[node])} mm"
         raise FeaError(
-            f"Load case {useless[0]} (from 0) acts only where the structure is held, so nothing is "
-            "loaded; move the load away from the supports, or release them there."
+            f"Load case {case} (from 0) acts only where the structure is held, so nothing is loaded "
+            f"(most of it is on node {node}{where}); move the load away from the supports, or "
+            "release them there."
         )
 
 
-def _namespace(*given: object) -> Any:
-    return jnp if any(isinstance(value, jax.Array) for value in given) else np
-
-
-def _facets(
-    mesh: TetMesh, facets: Facets, nodes: Nodes | None, load: object
-) -> tuple[Values, Values]:
-    """Quadrature points of facets, normals times area there."""
-    corners = 3 if mesh.element == "tet4" else 6
-    if facets.ndim != 2 or facets.shape[1] != corners:
-        raise FeaError(
-            f"Facets have shape {facets.shape}; a {mesh.element} mesh takes {corners} nodes a row, "
-            "as in mesh.boundary_facets[chosen] or mesh.facets_where(test)."
-        )
-    if facets.size and not 0 <= facets.min() <= facets.max() < len(mesh.nodes):
-        raise FeaError(
-            f"Facets refer to nodes {facets.min()} to {facets.max()}, but the mesh has nodes 0 to "
-            f"{len(mesh.nodes) - 1}; take them from this mesh."
-        )
-    return facet_points(_positions(mesh, nodes, load)[facets], FACET_RULE)
-
-
-def _cells(
-    mesh: TetMesh, nodes: Nodes | None, rule: Quadrature, *loads: object
-) -> tuple[Values, Values]:
-    """Quadrature points of cells, volumes that they stand for."""
-    return cell_points(_positions(mesh, nodes, *loads)[mesh.tets], rule)
-
-
-def _positions(mesh: TetMesh, nodes: Nodes | None, *loads: object) -> Any:
-    x = mesh.nodes if nodes is None else nodes
-    if x.shape != mesh.nodes.shape:
-        raise FeaError(f"`nodes` has shape {x.shape}, but the mesh has {mesh.nodes.shape}.")
-    return _namespace(x, *loads).asarray(x)
-
-
-def _field(load: Any, x: Values, shape: tuple[int, ...], what: str) -> Any:
-    """Values at quadrature points, [elements, quad, *shape]; one point for a uniform load."""
-    if not isinstance(load, Callable):
-        return _constant(load, shape, what)[None, None]
-    values: Any = load(x.reshape(-1, 3))
-    expected = (x.shape[0] * x.shape[1], *shape)
-    if np.shape(values) != expected:
-        raise FeaError(
-            f"The {what} as a function of position returns shape {np.shape(values)} for positions "
-            f"of shape {(expected[0], 3)}; return shape {expected}."
-        )
-    _check_numbers(values, what)
-    return values.reshape(*x.shape[:2], *shape)
-
-
-def _constant(load: Any, shape: tuple[int, ...], what: str) -> Any:
-    if np.shape(load) != shape:
-        raise FeaError(f"The {what} has shape {np.shape(load)}; give one of shape {shape}.")
-    _check_numbers(load, what)
-    return _namespace(load).asarray(load)
-
-
-def _check_numbers(values: Any, what: str) -> None:
-    """JAX arrays may be traced, without values yet: the forces are checked before a solve."""
-    if isinstance(values, jax.Array):
+def _check_density(density: Any) -> None:
+    if isinstance(density, Tracer):
         return
-    refuse_single_precision(np.asarray(values), f"Numbers of the {what}")
-    if not np.isfinite(values).all():
-        raise FeaError(f"The {what} is not a number somewhere ({values}); give finite numbers.")
-
-
-def _check_area(mesh: TetMesh, facets: Facets) -> None:
-    # By the mesh's own nodes, as the moved ones may be traced.
-    if not (facets.size and mesh.facet_integrals(facets)[0].sum() > 0):
-        raise FeaError("A load acts on facets without area; choose a region with facets in it.")
-
-
-def _norm(normal: Any) -> Any:
-    return normal.__array_namespace__().linalg.norm(normal, axis=-1)
-
-
-def _spread(mesh: TetMesh, facets: Facets, load: Any) -> Any:
-    """Nodal forces of loads at the facets' quadrature points, each times the area it stands for."""
-    return _accumulate(mesh, facets, load, TRIANGLES[facets.shape[1]].shape(FACET_RULE.points))
-
-
-def _into_cells(mesh: TetMesh, load: Any, rule: Quadrature) -> Any:
-    """Nodal forces of loads at the cells' quadrature points, each times its volume."""
-    return _accumulate(mesh, mesh.tets, load, TETRAHEDRA[mesh.tets.shape[1]].shape(rule.points))
-
-
-def _accumulate(
-    mesh: TetMesh, owners: Int[np.ndarray, "elements corners"], load: Any, N: np.ndarray
-) -> Any:
-    xp = load.__array_namespace__()
-    forces = xp.einsum("eqx,qn->enx", load, N).reshape(-1, 3)
-    node, count = owners.ravel(), len(mesh.nodes)
-    if xp is np:
-        columns = [np.bincount(node, weights=column, minlength=count) for column in forces.T]
-        return np.stack(columns, axis=1)
-    return xp.zeros((count, 3)).at[node].add(forces)
+    least, most = float(density.min()), float(density.max())
+    if least < 0:
+        raise FeaError(f"The density is {least:g} tonne/mm³ somewhere; it must not be negative.")
+    if most == 0:
+        raise FeaError(
+            "The density is zero, so nothing has weight; give the material its own, such as 7.85e-9 "
+            "tonne/mm³ of steel."
+        )

@@ -1,42 +1,32 @@
-"""K u = f of any linear structure, and its derivatives by the adjoint method.
+"""K u = f of any linear structure: several load cases on one factor.
 
 A structure is a problem: its parameters (node positions, moduli, radii ...), what is prescribed, and
-its forces. With u the solution and g(u) any scalar, the adjoint λ solves K λ = ∂g/∂u with all supports
-at zero, and
-
-    dg = λ.df - λ'(dK) u + (∂g/∂u - K λ).du_prescribed,
-
-(Haftka and Gürdal, Elements of Structural Optimization, 3rd ed., section 7.2), so one more solve with
-the factor that is there gives the derivative with respect to everything. Where ∂g/∂u is a multiple
-of the forces, as for compliance, λ is the same multiple of u and even that solve is saved.
+its forces. `fea.adjoint` differentiates its solution.
 """
 
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property
+from typing import Any, ClassVar, TypeVar, cast
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import bsr_array
 
 from fea.assembly import Pattern, Reduced
-from fea.boundary_conditions import check_loads
+from fea.boundary_conditions import check_loads, load_on_supports
 from fea.errors import FeaError
 from fea.linear_solve import Factor, factorise
-from fea.linear_solve.element_operator import ElementOperator
+from fea.linear_solve.element_operator import MATRIX_FREE, ElementOperator
 from fea.linear_solve.interface import Matrix, SingularStiffness
 from fea.mechanisms import describe_mode
-from fea.precision import require_x64
+from fea.precision import refuse_single_precision, require_x64
 from fea.rigid_motion import rigid_body_modes
 
 ArrayLike = Array | np.ndarray
 
-# Name of the solver that needs no assembled matrix.
-MATRIX_FREE = "jax-cg"
 
 # Largest difference between ∂g/∂u and a multiple of the forces that is rounding, relative.
 SAME_DIRECTION = 1e-13
@@ -50,7 +40,13 @@ class AbstractProblem(abc.ABC):
     * `fixed: Bool[nodes, block]`: which dofs are prescribed,
     * `value: Float[nodes, block]`: their values, ignored on free dofs,
     * `forces: Float[cases, nodes, block]`: what acts on each dof.
+
+    Attributes:
+        proves_definite: whether `check` has shown that no motion is free, whatever it is, so that the
+            solver need not look for one.
     """
+
+    proves_definite: ClassVar[bool]
 
     fixed: Bool[np.ndarray, "nodes block"]
     value: Float[np.ndarray, "nodes block"]
@@ -102,6 +98,9 @@ class AbstractProblem(abc.ABC):
         u: Float[np.ndarray, "cases nodes block"],
     ) -> dict[str, np.ndarray]:
         """Derivative of sum_c v_c' K u_c by each of `parameters`, v and u held."""
+
+
+Problem = TypeVar("Problem", bound=AbstractProblem)
 
 
 class AbstractForm(abc.ABC):
@@ -222,8 +221,13 @@ class AbstractSolution(abc.ABC):
     @cached_property
     def reaction(self) -> Float[np.ndarray, "cases nodes block"]:
         """What the supports exert on the structure [N, N mm]; zero on free dofs."""
-        inner = _times(self.system.K, self.displacement)
+        inner = times(self.system.K, self.displacement)
         return np.where(self.problem.fixed, inner - self.problem.forces, 0.0)
+
+    @cached_property
+    def load_on_supports(self) -> Float[np.ndarray, " cases"]:
+        """Share of each case's forces that acts on fixed dofs and so loads nothing."""
+        return load_on_supports(self.problem.fixed, self.problem.forces)
 
     def adjoint(
         self, load: Float[np.ndarray, "cases nodes block"]
@@ -256,122 +260,9 @@ class AbstractSolution(abc.ABC):
         return result
 
 
-def compliance_gradient(
-    solution: AbstractSolution, weights: Float[np.ndarray, " cases"] | None = None
-) -> dict[str, np.ndarray]:
-    """Derivatives of sum_c w_c (u.f)_c by each parameter, by `forces` and by `value`.
-
-    Args:
-        solution: the solved problem.
-        weights: of the load cases; ones by default.
-
-    Raises:
-        FeaError: when supports move and the factor for the further solve is gone.
-    """
-    w = np.ones(len(solution.displacement)) if weights is None else weights
-    load = w[:, None, None] * solution.problem.forces
-    gradient = _pulled_back(solution, load)
-    # u.f depends on the forces directly, too.
-    gradient["forces"] = gradient["forces"] + w[:, None, None] * solution.displacement
-    return gradient
-
-
-def displacement(
-    problem: AbstractProblem,
-    *,
-    solver: str = "auto",
-    previous: AbstractSolution | None = None,
-    **parameters: ArrayLike,
-) -> Float[Array, "cases nodes block"]:
-    """Displacements of every load case, as a function that JAX differentiates.
-
-    `jax.grad` of any scalar made from them just works; its backward pass reuses the factor. The
-    linear solver runs on the host: call and differentiate this outside `jax.jit` and `jax.vmap`.
-
-    Args:
-        problem: gives all that is not replaced.
-        solver: see `fea.linear_solve.factorise`.
-        previous: solution of a similar problem, whose factor is taken over; see
-            `equilibrium`.
-        **parameters: values to use and to differentiate by: any of `problem.parameters`, `forces`
-            and `value`.
-
-    Raises:
-        FeaError: an unknown parameter, a call inside `jax.jit`, or what
-            `equilibrium` raises.
-    """
-    known = {**problem.parameters, "forces": problem.forces, "value": problem.value}
-    for name, value in parameters.items():
-        if name not in known:
-            raise FeaError(
-                f'"{name}" is no parameter of this problem; choose from {", ".join(known)}.'
-            )
-        if np.shape(value) != known[name].shape:
-            raise FeaError(
-                f'"{name}" has shape {np.shape(value)} here; this problem needs {known[name].shape}.'
-            )
-    values = {name: jnp.asarray(value) for name, value in parameters.items()}
-    return _displacement(problem, _Options(solver, previous), values)
-
-
-@dataclass(frozen=True, eq=False)
-class _Options:
-    solver: str
-    previous: AbstractSolution | None
-
-
-@jax.tree_util.register_static
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """What the backward pass needs: nothing that JAX looks into."""
-
-    solution: AbstractSolution
-    names: tuple[str, ...]
-
-
-@partial(jax.custom_vjp, nondiff_argnums=(0, 1))
-def _displacement(problem: AbstractProblem, options: _Options, values: dict[str, Array]) -> Array:
-    return _forward(problem, options, values)[0]
-
-
-def _forward(problem: AbstractProblem, options: _Options, values: dict[str, Array]):
-    try:
-        host = {name: np.asarray(value) for name, value in values.items()}
-    except jax.errors.TracerArrayConversionError as failure:
-        raise FeaError(
-            "fea.displacement runs a solver on the host, which JAX cannot trace; call it outside "
-            "jax.jit and jax.vmap, and differentiate it with jax.grad."
-        ) from failure
-    solution = problem.with_parameters(host).solved(
-        previous=options.previous, solver=options.solver
-    )
-    return jnp.asarray(solution.displacement), _Solved(solution, tuple(values))
-
-
-def _backward(problem: AbstractProblem, options: _Options, solved: _Solved, cotangent: Array):
-    gradient = _pulled_back(solved.solution, np.asarray(cotangent))
-    return ({name: jnp.asarray(gradient[name]) for name in solved.names},)
-
-
-_displacement.defvjp(_forward, _backward)
-
-
-def _pulled_back(
-    solution: AbstractSolution, cotangent: Float[np.ndarray, "cases nodes block"]
-) -> dict[str, np.ndarray]:
-    """From ∂g/∂u to the derivatives of g by everything that u depends on."""
-    fixed = solution.problem.fixed
-    adjoint = solution.adjoint(np.where(fixed, 0.0, cotangent))
-    gradient = solution.problem.bilinear_gradient(-adjoint, solution.displacement)
-    gradient["forces"] = adjoint
-    support = cotangent - _times(solution.system.K, adjoint)
-    gradient["value"] = np.where(fixed, support, 0.0).sum(axis=0)
-    return gradient
-
-
 def equilibrium(
-    problem: AbstractProblem, *, previous: AbstractSolution | None = None, solver: str = "auto"
-) -> tuple[Float[np.ndarray, "cases nodes block"], float, int, System]:
+    problem: Problem, *, previous: AbstractSolution | None = None, solver: str = "auto"
+) -> tuple[Problem, Float[np.ndarray, "cases nodes block"], float, int, System]:
     """Solve all load cases with one factor.
 
     Args:
@@ -380,23 +271,20 @@ def equilibrium(
             pattern, the symbolic part of its factor or its multigrid hierarchy are reused, and its
             displacements are the first guess. It can still be read afterwards, but its factor is
             spent.
-        solver: see `fea.linear_solve.factorise`; ignored with `previous`.
+        solver: see `fea.linear_solve.factorise`; with `previous`, that of its factor.
 
     Returns:
-        Displacements, largest residual, most iterations, and the system.
+        The fields of a solution: the problem, its numbers in float64, displacements, largest
+        residual, most iterations, and the system.
 
     Raises:
         FeaError: when the problem is malformed, can move freely, or the solve fails.
     """
     require_x64()
+    problem = _checked(problem)
     if previous is not None:
-        _check_same(problem, previous.problem)
-    held = np.argwhere(problem.fixed & ~np.isfinite(problem.value))
-    if len(held):
-        raise FeaError(
-            f"The displacement prescribed at node {held[0, 0]}, dof {held[0, 1]}, is not a number."
-        )
-    check_loads(problem.fixed, problem.forces, moved=_moves(problem))
+        _check_same(problem, previous, solver)
+    check_loads(problem.fixed, problem.forces, moved=_moves(problem), points=problem.points)
     problem.check()
     if previous is None:
         form = MatrixFree(problem.fixed) if solver == MATRIX_FREE else Assembled.of(problem)
@@ -404,20 +292,46 @@ def equilibrium(
         form = previous.system.form
     K, reduced = form.stiffness(problem)
     value = np.where(problem.fixed, problem.value, 0.0)
-    forces = problem.forces - _times(K, value[None]) if value.any() else problem.forces
+    forces = problem.forces - times(K, value[None]) if value.any() else problem.forces
     guess = None
     if previous is not None and previous.displacement.shape == problem.forces.shape:
         guess = form.restrict(previous.displacement)
     try:
         if previous is None:
-            factor = factorise(reduced, near_null=_rigid_modes(problem, form), solver=solver)
+            factor = factorise(
+                reduced,
+                near_null=_rigid_modes(problem, form),
+                solver=solver,
+                definite=problem.proves_definite,
+            )
         else:
             factor = previous.system.factor.update(reduced)
         solved = factor.solve(form.restrict(forces), x0=guess)
     except SingularStiffness as failure:
         raise _named(failure, problem, form) from failure
     u = form.expand(solved.x, value)
-    return u, solved.residual, solved.iterations, System(form, K, factor)
+    return problem, u, solved.residual, solved.iterations, System(form, K, factor)
+
+
+def _checked(problem: Problem) -> Problem:
+    """The problem with all its numbers in float64 on the host, and of matching shapes."""
+    given = {**problem.parameters, "forces": problem.forces, "value": problem.value}
+    host = {name: on_host(name, value) for name, value in given.items()}
+    changed = {name: host[name] for name in host if host[name] is not given[name]}
+    if changed:
+        problem = cast(Problem, problem.with_parameters(changed))
+    nodes = len(problem.points)
+    shape = problem.fixed.shape
+    for name, found in (("fixed", shape[:1]), ("value", problem.value.shape)):
+        wanted = (nodes,) if name == "fixed" else shape
+        if found != wanted:
+            raise FeaError(f'"{name}" has shape {found}; {nodes} nodes need {wanted}.')
+    held = np.argwhere(problem.fixed & ~np.isfinite(problem.value))
+    if len(held):
+        raise FeaError(
+            f"The displacement prescribed at node {held[0, 0]}, dof {held[0, 1]}, is not a number."
+        )
+    return problem
 
 
 def _rigid_modes(problem: AbstractProblem, form: AbstractForm) -> Float[np.ndarray, "dofs 6"]:
@@ -444,15 +358,39 @@ def _moves(problem: AbstractProblem) -> bool:
     return bool((problem.fixed & (problem.value != 0)).any())
 
 
-def _check_same(problem: AbstractProblem, previous: AbstractProblem) -> None:
+def _check_same(problem: AbstractProblem, previous: AbstractSolution, solver: str) -> None:
     for name in ("connectivity", "fixed"):
-        now, before = getattr(problem, name), getattr(previous, name)
+        now, before = getattr(problem, name), getattr(previous.problem, name)
         if now is not before and not np.array_equal(now, before):
             word = {"connectivity": "elements", "fixed": "supports"}[name]
             raise FeaError(f"The previous solution has other {word}; solve without it.")
+    used = previous.system.factor.name
+    if solver not in ("auto", used):
+        raise FeaError(
+            f'The previous solution was solved by "{used}", not by "{solver}"; solve without it.'
+        )
 
 
-def _times(
+def times(
     K: Matrix, u: Float[np.ndarray, "cases nodes block"]
 ) -> Float[np.ndarray, "cases nodes block"]:
+    """K u of several fields."""
     return (K @ u.reshape(len(u), -1).T).T.reshape(u.shape)
+
+
+def on_host(name: str, value: ArrayLike) -> np.ndarray:
+    """A float64 array that the solver can read.
+
+    Raises:
+        FeaError: when JAX is tracing it, or it is in single precision.
+    """
+    try:
+        host = np.asarray(value)
+    except jax.errors.TracerArrayConversionError as failure:
+        raise FeaError(
+            f'"{name}" is being traced by JAX, but the solver runs on the host: give it to '
+            "fea.displacement by name, and call that outside jax.jit, jax.vmap and jax.jacrev "
+            "(take rows of a Jacobian by jax.grad)."
+        ) from failure
+    refuse_single_precision(host, f'Values of "{name}"')
+    return host.astype(np.float64, copy=False)

@@ -4,20 +4,28 @@ Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 24 (1987) 337-357: the recovered 
 closer to the exact stress than that of the cells that the difference of the two is nearly the error.
 With patch recovery the ratio of estimated to true error tends to one (the second of their papers of
 1992, same journal, 33, 1365-1382).
+
+Where the modulus jumps, stress is recovered on each side apart. What the two sides' tractions then
+lack for balance is error as well, and the only one that is seen where each cell has a modulus of its
+own: there the recovered stress of a cell is nothing but its own (`fea.traction_balance`). With every
+face of a homogeneous solid taken for a jump, 0.9 of the true error is estimated on tet4, 0.6 to 0.7 on
+tet10, whose tractions jump less than its stress errs.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.optimize import root_scalar
 
 from fea.elements import TETRAHEDRON_EDGES, barycentric
 from fea.errors import FeaError
 from fea.isoparametric import cell_determinants
 from fea.quadrature import TETRAHEDRON_2, TETRAHEDRON_5
+from fea.stress_recovery import RecoveredStress
 from fea.tet_mesh import TetMesh
+from fea.traction_balance import balancing_stress
 
 # Rules exact for the square of the estimated error where edges are straight: it has the degree of
 # the shape functions.
@@ -139,7 +147,7 @@ def estimate_error(
     mesh: TetMesh,
     C: Float[np.ndarray, "6 6"],
     at_quadrature: Float[np.ndarray, "cases cells quad 6"],
-    recovered: Float[np.ndarray, "cases nodes 6"],
+    recovered: RecoveredStress,
     *,
     modulus: Float[np.ndarray, "cells samples"] | None = None,
 ) -> ErrorEstimate:
@@ -149,14 +157,15 @@ def estimate_error(
         mesh: the mesh.
         C: elasticity matrix [MPa].
         at_quadrature: stress at the quadrature points of the cells [MPa].
-        recovered: stress at the nodes [MPa], from `fea.stress_recovery`.
+        recovered: stress at the nodes, from `fea.stress_recovery` with the same modulus.
         modulus: factor on C, one a cell or one at each quadrature point; 1 by default. The error is
             weighed with the mean of its inverse over the cell.
 
     Raises:
         FeaError: when stress is not a number somewhere.
     """
-    if not (np.isfinite(at_quadrature).all() and np.isfinite(recovered[:, mesh.tets]).all()):
+    pieces, values = recovered.torn.pieces, recovered.values
+    if not (np.isfinite(at_quadrature).all() and np.isfinite(values[:, pieces.tets]).all()):
         raise FeaError("Stress is not a number somewhere, so its error cannot be estimated.")
     element, rule = mesh.element_type, RULES[mesh.element]
     # Columns R with C⁻¹ = R Rᵀ: the energy norm is the plain one of s R.
@@ -164,12 +173,16 @@ def estimate_error(
     flexible = 1 / (np.ones((len(mesh.tets), 1)) if modulus is None else modulus)
     N = element.shape(rule.points)
     # The cell's own stress at the rule's points: as extrapolated to its corners, linear between.
-    raw = barycentric(rule.points) @ element.extrapolation[:4]
+    linear = barycentric(rule.points)
+    raw = linear @ element.extrapolation[:4]
     cells, squares = np.zeros(at_quadrature.shape[:2]), np.zeros(len(at_quadrature))
-    nodal = (recovered.reshape(-1, 6) @ R).reshape(recovered.shape)
+    nodal = (values.reshape(-1, 6) @ R).reshape(values.shape)
+    unbalanced, lacking = _lacking(recovered)
+    lacking = lacking @ R
     for first in range(0, len(mesh.tets), CELLS_AT_ONCE):
         some = slice(first, first + CELLS_AT_ONCE)
         tets = mesh.tets[some]
+        those = slice(*np.searchsorted(unbalanced, (first, first + CELLS_AT_ONCE)))
         weight = cell_determinants(mesh.nodes[tets], rule.points) * rule.weights
         weight = weight * flexible[some].mean(axis=1, keepdims=True)
         volume = flexible[some] * mesh.jacobians[some] * element.quadrature.weights
@@ -177,10 +190,21 @@ def estimate_error(
             own = at_quadrature[case, some]
             own = (own.reshape(-1, 6) @ R).reshape(own.shape)
             # cell, rule point, node or quadrature point, component
-            e = N @ nodal[case, tets] - raw @ own
+            e = N @ nodal[case, pieces.tets[some]] - raw @ own
+            e[unbalanced[those] - first] += linear @ lacking[case, those]
             cells[case, some] = np.sqrt(np.einsum("cp,cpv,cpv->c", weight, e, e))
             squares[case] += np.einsum("cq,cqv,cqv->", volume, own, own)
     return ErrorEstimate(mesh, cells, np.sqrt(squares))
+
+
+def _lacking(
+    recovered: RecoveredStress,
+) -> tuple[Int[np.ndarray, " cells"], Float[np.ndarray, "cases cells 4 6"]]:
+    """Cells whose tractions are not balanced, and the stress that they lack at their corners."""
+    jumps = recovered.torn.jumps
+    if jumps is None:
+        return np.zeros(0, dtype=np.int64), np.zeros((len(recovered.values), 0, 4, 6))
+    return balancing_stress(recovered, jumps)
 
 
 def _factors(

@@ -7,6 +7,7 @@ and a moment [N mm]. Assembly and solvers are those of solids; the element is `f
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -47,6 +48,8 @@ class FrameProblem(AbstractProblem):
         forces: forces [N] and moments [N mm] on the joints, of each load case.
     """
 
+    proves_definite: ClassVar[bool] = False
+
     joints: Float[np.ndarray, "joints 3"]
     struts: Int[np.ndarray, "struts 2"]
     radii: Float[np.ndarray, "struts 2"]
@@ -85,7 +88,7 @@ class FrameProblem(AbstractProblem):
         self, *, previous: "FrameSolution | None" = None, solver: str = "auto"
     ) -> "FrameSolution":
         """See `solve_frame`."""
-        return FrameSolution(self, *equilibrium(self, previous=previous, solver=solver))
+        return FrameSolution(*equilibrium(self, previous=previous, solver=solver))
 
     def stiffness(self, pattern: Pattern) -> bsr_array:
         """K of the frame without supports [N/mm, N, N mm]."""
@@ -117,6 +120,19 @@ class FrameProblem(AbstractProblem):
             FeaError: for struts without length or thickness, constants that no material has, or
                 joints that nothing holds.
         """
+        count = len(self.joints)
+        if self.struts.size and not 0 <= self.struts.min() <= self.struts.max() < count:
+            raise FeaError(
+                f"Struts refer to joints {self.struts.min()} to {self.struts.max()}, but the frame "
+                f"has joints 0 to {count - 1}."
+            )
+        if self.radii.shape != self.struts.shape:
+            raise FeaError(
+                f"Radii have shape {self.radii.shape}; give {self.struts.shape}, one at each end."
+            )
+        lost = np.flatnonzero(~np.isfinite(self.joints).all(axis=1))
+        if lost.size:
+            raise FeaError(f"The position of joint {lost[0]} is not a number.")
         length = np.linalg.norm(np.diff(self.joints[self.struts], axis=1)[:, 0], axis=1)
         if len(length) == 0:
             raise FeaError("The frame has no struts; give at least one.")

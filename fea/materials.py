@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fea.errors import FeaError
-from fea.precision import refuse_single_precision
+from fea.precision import as_float64
 from fea.voigt import turned_stiffness
 
 # Tonnes per mm³ in one g/cm³: the table and people use g/cm³.
@@ -57,7 +57,7 @@ class Material(AbstractMaterial):
         name: what reports call it.
 
     Raises:
-        FeaError: when a constant is physically impossible.
+        FeaError: when a constant is physically impossible, or in single precision.
     """
 
     E: float
@@ -67,6 +67,7 @@ class Material(AbstractMaterial):
     name: str = "custom"
 
     def __post_init__(self):
+        _keep_float64(self, E=(), nu=(), density=(), yield_stress=())
         _check_positive(self, E=self.E)
         if not -1 < self.nu < 0.5:
             raise FeaError(
@@ -106,25 +107,27 @@ class Orthotropic(AbstractMaterial):
         E: Young's moduli Ex, Ey, Ez [MPa].
         nu: Poisson's ratios nu_yz, nu_xz, nu_xy.
         G: shear moduli G_yz, G_xz, G_xy [MPa].
-        axes: the material's axes x, y, z as rows, in global components; the global axes by default.
         density: [tonne/mm³].
+        axes: the material's axes x, y, z as rows, in global components; the global axes by default.
         yield_stress: [MPa], or None where strength is not asked for.
         name: what reports call it.
 
     Raises:
         FeaError: when a modulus is not positive, Poisson's ratios would make the material yield
-            energy, or axes are not three unit vectors at right angles.
+            energy, axes are not three unit vectors at right angles, or there are not three of
+            each, in double precision.
     """
 
     E: tuple[float, float, float]
     nu: tuple[float, float, float]
     G: tuple[float, float, float]
+    density: float
     axes: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
-    density: float = 0.0
     yield_stress: float | None = None
     name: str = "custom"
 
     def __post_init__(self):
+        _keep_float64(self, E=(3,), nu=(3,), G=(3,), axes=(3, 3), density=(), yield_stress=())
         _check_positive(
             self,
             **dict(zip(("Ex", "Ey", "Ez"), self.E, strict=True)),
@@ -150,7 +153,6 @@ class Orthotropic(AbstractMaterial):
                 "compliance must be positive definite, or some load would be resisted by nothing; "
                 "lower them."
             )
-        refuse_single_precision(self.axes, "Axes of the material")
         skew = float(np.abs(self.axes @ self.axes.T - np.eye(3)).max())
         if not skew < ORTHONORMAL:
             raise FeaError(
@@ -177,6 +179,22 @@ class Orthotropic(AbstractMaterial):
         C[:3, :3] = (C[:3, :3] + C[:3, :3].T) / 2
         # From the material's axes to the global ones: what lies along global x is turned to axis x.
         return turned_stiffness(C, self.axes.T)
+
+
+def _keep_float64(material: AbstractMaterial, **shapes: tuple[int, ...]) -> None:
+    """Keep constants as float64, whatever kind of numbers they were given as."""
+    for name, shape in shapes.items():
+        given = getattr(material, name)
+        if given is None:  # no yield stress
+            continue
+        values = as_float64(given, f'Material "{material.name}": values of {name}')
+        if values.shape != shape:
+            wanted = {(): "one number", (3,): "three numbers", (3, 3): "three rows of three"}[shape]
+            raise FeaError(
+                f'Material "{material.name}": {name} has shape {values.shape}; give {wanted}.'
+            )
+        kept = tuple(values.tolist()) if shape == (3,) else values
+        object.__setattr__(material, name, kept if shape else float(values))
 
 
 def _check_positive(material: AbstractMaterial, **moduli: float) -> None:

@@ -45,7 +45,7 @@ def read_surface(
         ]
     )  # fmt: skip
     points = _points(mesh, path)
-    _check_numbers(triangles, len(points), path)
+    _check_node_numbers(triangles, len(points), path)
     vertices, number = np.unique(points, axis=0, return_inverse=True)
     triangles = number.reshape(-1)[triangles]
     a, b, c = triangles.T
@@ -76,7 +76,7 @@ def read_tets(path: Path | str) -> TetMesh:
         raise FeaError(f"{path.name} holds tet4 and tet10; give a mesh of one kind.")
     tets = np.asarray(mesh.cells_dict[found[0]], np.int64)
     points = _points(mesh, path)
-    _check_numbers(tets, len(points), path)
+    _check_node_numbers(tets, len(points), path)
     used, number = np.unique(tets, return_inverse=True)
     return TetMesh(points[used], number.reshape(tets.shape).astype(np.int64))
 
@@ -161,7 +161,7 @@ def _points(mesh, path: Path) -> Float[np.ndarray, "nodes 3"]:
     return points
 
 
-def _check_numbers(cells: Int[np.ndarray, "cells corners"], points: int, path: Path) -> None:
+def _check_node_numbers(cells: Int[np.ndarray, "cells corners"], points: int, path: Path) -> None:
     if cells.min() < 0 or cells.max() >= points:
         raise FeaError(
             f"{path.name}: cells refer to points {cells.min()} to {cells.max()}, but the file has "

@@ -78,6 +78,8 @@ def stress_p_norm(
 ) -> Float[Array, " cases"]:
     """Generalised mean over the volume of the von Mises stress of each case [MPa]; see `p_norm`.
 
+    What `fea.displacement` was given by name must be given here too; see `fea.quadrature_stress`.
+
     Args:
         problem: gives cells and material, and what the arguments leave out.
         displacement: of the nodes [mm].

@@ -1,7 +1,10 @@
 """Mechanics is computed in float64; this is where that is checked."""
 
+from typing import Any
+
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from fea.errors import FeaError
 
@@ -19,7 +22,29 @@ def require_x64() -> None:
         )
 
 
-def refuse_single_precision(values: np.ndarray, what: str) -> None:
+def as_float64(values: Any, what: str) -> Float[np.ndarray, "..."]:
+    """Numbers as people give them, lists and integers too, as a float64 array.
+
+    Args:
+        values: a number, a list, or an array.
+        what: it in words, plural: the beginning of the message.
+
+    Raises:
+        FeaError: for single precision, and for what is not numbers or not rectangular.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError as failure:
+        raise FeaError(
+            f"{what} are not a rectangular array; give rows of equal length."
+        ) from failure
+    refuse_single_precision(array, what)
+    if array.dtype.kind not in "iuf":
+        raise FeaError(f"{what} are {array.dtype}, which is no real number; give float64.")
+    return array.astype(np.float64, copy=False)
+
+
+def refuse_single_precision(values: np.ndarray | jax.Array, what: str) -> None:
     """Raise when an array holds floats of fewer than 64 bits.
 
     Args:

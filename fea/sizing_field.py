@@ -20,7 +20,7 @@ GROWTH = 0.4
 MARGIN = 0.1
 # Tets of a background flatter than this share of their longest edge cubed have no use: they hold
 # no point, and interpolation over them is unstable.
-FLAT = 1e-9
+FLAT_VOLUME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class Sizing:
         longest = np.linalg.norm(points[tets] - np.roll(points[tets], 1, axis=1), axis=-1).max(
             axis=1
         )
-        return cls(points, tets[volume > FLAT * longest**3], values)
+        return cls(points, tets[volume > FLAT_VOLUME * longest**3], values)
 
     def scaled(self, factor: float) -> "Sizing":
         """The same field with every edge multiplied."""

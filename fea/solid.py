@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -29,8 +30,7 @@ from fea.errors import FeaError
 from fea.linear_solve.element_operator import ElementOperator
 from fea.materials import AbstractMaterial
 from fea.mechanisms import free_body
-from fea.precision import refuse_single_precision
-from fea.stress_recovery import recovered_stress
+from fea.stress_recovery import RecoveredStress, recovered_stress
 from fea.tet_mesh import TetMesh
 
 ArrayLike = Array | np.ndarray
@@ -52,8 +52,12 @@ class SolidProblem(AbstractProblem):
         value: prescribed displacement [mm]; ignored where not fixed.
         forces: nodal forces [N] of each load case, made by `fea.boundary_conditions`.
         modulus: factor on the material's stiffness: one a cell, or one at each of its quadrature
-            points (`Element.shape_at_quadrature` takes nodal values there).
+            points (`TetMesh.quadrature_points`).
+
+    Supports, and the displacements they prescribe, are the same in every load case.
     """
+
+    proves_definite: ClassVar[bool] = True  # `free_body` is exact
 
     mesh: TetMesh
     material: AbstractMaterial
@@ -87,7 +91,8 @@ class SolidProblem(AbstractProblem):
         fixed, value = prescribed_dofs(tuple(supports), len(mesh.nodes))
         if modulus is None:
             modulus = np.ones((len(mesh.tets), 1))
-        return cls(mesh, material, fixed, value, forces.reshape(-1, *forces.shape[-2:]), modulus)
+        cases = forces if np.ndim(forces) == 3 else np.asarray(forces)[None]
+        return cls(mesh, material, fixed, value, cases, modulus)
 
     @property
     def points(self) -> Float[np.ndarray, "nodes 3"]:
@@ -119,7 +124,12 @@ class SolidProblem(AbstractProblem):
                 or supports that leave a motion free.
         """
         self.mesh.check()
-        refuse_single_precision(self.modulus, "Relative moduli")
+        cells, quad = len(self.mesh.tets), len(self.mesh.element_type.quadrature.weights)
+        if self.modulus.shape not in {(cells, 1), (cells, quad)}:
+            raise FeaError(
+                f"Relative moduli have shape {self.modulus.shape}; give ({cells}, 1), one a cell"
+                f"{'' if quad == 1 else f', or ({cells}, {quad}), one at each quadrature point'}."
+            )
         if not (self.modulus > 0).all() or not np.isfinite(self.modulus).all():
             cell = int(np.argmin(np.where(np.isfinite(self.modulus), self.modulus, -np.inf).min(1)))
             raise FeaError(
@@ -136,7 +146,7 @@ class SolidProblem(AbstractProblem):
         self, *, previous: "SolidSolution | None" = None, solver: str = "auto"
     ) -> "SolidSolution":
         """See `solve_solid`."""
-        return SolidSolution(self, *equilibrium(self, previous=previous, solver=solver))
+        return SolidSolution(*equilibrium(self, previous=previous, solver=solver))
 
     def stiffness(self, pattern: Pattern) -> bsr_array:
         """K of the free-floating solid, rows ux, uy, uz of each node [N/mm].
@@ -216,9 +226,18 @@ class SolidSolution(AbstractSolution):
         return stress
 
     @cached_property
+    def recovered(self) -> RecoveredStress:
+        """Stress recovered on each side of jumps of the modulus; see `fea.stress_recovery`."""
+        problem = self.problem
+        return recovered_stress(problem.mesh, self.quadrature_stress, modulus=problem.modulus)
+
+    @property
     def stress(self) -> Float[np.ndarray, "cases nodes 6"]:
-        """Stress recovered at the nodes [MPa], Voigt order; see `fea.stress_recovery`."""
-        return recovered_stress(self.problem.mesh, self.quadrature_stress)
+        """Stress recovered at the nodes [MPa], Voigt order.
+
+        On a jump of the modulus, that of the stiffest side; `recovered` has the others.
+        """
+        return self.recovered.at_nodes
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:
@@ -228,7 +247,7 @@ class SolidSolution(AbstractSolution):
             problem.mesh,
             problem.material.stiffness,
             self.quadrature_stress,
-            self.stress,
+            self.recovered,
             modulus=problem.modulus,
         )
 
@@ -260,16 +279,30 @@ def quadrature_stress(
 ) -> Float[Array, "cases cells quad 6"]:
     """Stress at the quadrature points of each cell [MPa], for JAX to differentiate.
 
+    Stress depends on positions and modulus also directly: what `fea.displacement` was given by name
+    must be given here too, or the derivative lacks that part.
+
     Args:
         problem: gives cells and material, and what the arguments leave out.
         displacement: of the nodes [mm].
         nodes: their positions [mm].
         modulus: relative modulus.
+
+    Raises:
+        FeaError: when an argument is of another mesh.
     """
     mesh = problem.mesh
     x = jnp.asarray(mesh.nodes if nodes is None else nodes)
     E = jnp.asarray(problem.modulus if modulus is None else modulus)
     u = jnp.asarray(displacement)
+    # JAX would take the last node for any number beyond it.
+    for name, given, wanted in (
+        ("displacement", u.shape[1:], mesh.nodes.shape),
+        ("nodes", x.shape, mesh.nodes.shape),
+        ("modulus", E.shape[:1], mesh.tets.shape[:1]),
+    ):
+        if given != wanted:
+            raise FeaError(f'"{name}" has shape {given} here; this mesh needs {wanted}.')
     return _stress(x[mesh.tets], E, u[:, mesh.tets], problem.material.stiffness)
 
 

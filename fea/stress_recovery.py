@@ -21,15 +21,20 @@ solution of the verification suite, on structured and unstructured meshes:
 A corner of tet4 with no inner corner in reach, as in a wall one cell thick, has a patch of the second
 kind. Linear cells do not resolve bending across such a wall, and there the mean of the cells would be
 no worse.
+
+Jumps. Between materials stress is not continuous, and smoothing it would be wrong on either side: the
+mesh is torn there (`fea.modulus_jumps`), and each side has surfaces like any other.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
 from fea.elements import TETRAHEDRON_EDGES
+from fea.modulus_jumps import SMOOTH_RATIO, TornMesh
 from fea.tet_mesh import TetMesh
 
 # Samples weigh 1/distance to this power in patches that reach beyond the cells of their node.
@@ -47,21 +52,96 @@ MOST_RINGS = 3
 SAMPLES_AT_ONCE = 1 << 18
 
 
-def recovered_stress(
-    mesh: TetMesh, at_quadrature: Float[np.ndarray, "cases cells quad 6"]
-) -> Float[np.ndarray, "cases nodes 6"]:
-    """Stress at the nodes [MPa] by superconvergent patch recovery.
+@dataclass(frozen=True, eq=False)
+class RecoveredStress:
+    """Stress recovered on each side of every jump; between the nodes, the shape functions.
 
-    Between the nodes, the element's shape functions. Jumps are smoothed away: where stress jumps,
-    as it does between materials, recover on `split_between` of the mesh.
+    Attributes:
+        torn: the mesh, and its pieces.
+        values: stress at the nodes of the pieces (`vertices`, to tell them from those of the whole
+            mesh) [MPa].
+        modulus: relative modulus of each cell, the mean over the cell.
+    """
+
+    torn: TornMesh
+    values: Float[np.ndarray, "cases vertices 6"]
+    modulus: Float[np.ndarray, " cells"]
+
+    @cached_property
+    def at_nodes(self) -> Float[np.ndarray, "cases nodes 6"]:
+        """Stress at the nodes of the whole mesh [MPa]; NaN at nodes of no cell.
+
+        Where several sides meet, that of the stiffest: of the solid where it borders on a void. The
+        mean, weighed with the volume around the node, of the sides as stiff as that but for
+        `SMOOTH_RATIO`. The other sides: `of_cells`.
+        """
+        if self.torn.jumps is None:
+            return self.values
+        volume = self._around(np.ones(len(self.modulus)))
+        modulus = self._around(self.modulus) / volume
+        stiffest = np.zeros(len(self.torn.whole.nodes))
+        np.maximum.at(stiffest, self.torn.node, modulus)
+        return self._mean(volume * (modulus * SMOOTH_RATIO >= stiffest[self.torn.node]))
+
+    def of_cells(self, cells: Bool[np.ndarray, " cells"]) -> Float[np.ndarray, "cases nodes 6"]:
+        """Stress at the nodes of the whole mesh [MPa], on the side of some cells.
+
+        Args:
+            cells: which ones, such as those of a material.
+
+        Returns:
+            The mean, weighed with volume, where they have several sides; NaN where they have no node.
+        """
+        return self._mean(self._around(cells.astype(float)))
+
+    def _around(self, each: Float[np.ndarray, " cells"]) -> Float[np.ndarray, " vertices"]:
+        """Sum of each cell's value times its volume around the nodes of the pieces."""
+        tets = self.torn.pieces.tets
+        weights = np.repeat(each * self.torn.whole.volumes, tets.shape[1])
+        return np.bincount(tets.ravel(), weights=weights, minlength=len(self.torn.node))
+
+    def _mean(self, weight: Float[np.ndarray, " vertices"]) -> Float[np.ndarray, "cases nodes 6"]:
+        """Weighted mean of the pieces at each node of the whole mesh."""
+        (some,) = np.nonzero(weight)
+        node, weight = self.torn.node[some], weight[some]
+        count = len(self.torn.whole.nodes)
+        total = np.bincount(node, weights=weight, minlength=count)
+        share = csr_array((weight / total[node], (node, some)), shape=(count, len(self.torn.node)))
+        mean = np.stack([share @ values for values in np.nan_to_num(self.values)])
+        mean[:, total == 0] = np.nan
+        return mean
+
+
+def recovered_stress(
+    mesh: TetMesh,
+    at_quadrature: Float[np.ndarray, "cases cells quad 6"],
+    *,
+    modulus: Float[np.ndarray, "cells samples"] | None = None,
+    groups: Int[np.ndarray, " cells"] | None = None,
+) -> RecoveredStress:
+    """Stress at the nodes [MPa] by superconvergent patch recovery, apart on each side of jumps.
 
     Args:
         mesh: tet4 or tet10, straight or curved.
         at_quadrature: stress at the quadrature points of the cells [MPa]; any components do.
+        modulus: factor on the material's stiffness, one a cell or one at each quadrature point; 1
+            by default. Patches do not reach across faces where it jumps (`fea.modulus_jumps`). A
+            cell all of whose faces are jumps keeps its own stress, extrapolated to its nodes.
+        groups: a number for each cell, such as that of its part: patches stay within one.
 
-    Returns:
-        NaN at nodes of no cell.
+    Raises:
+        FeaError: when moduli are no positive numbers.
     """
+    if modulus is None:
+        modulus = np.ones((len(mesh.tets), 1))
+    torn = TornMesh.between(mesh, modulus, groups=groups)
+    return RecoveredStress(torn, _smooth(torn.pieces, at_quadrature), modulus.mean(axis=1))
+
+
+def _smooth(
+    mesh: TetMesh, at_quadrature: Float[np.ndarray, "cases cells quad 6"]
+) -> Float[np.ndarray, "cases nodes 6"]:
+    """Stress at the nodes [MPa], smooth wherever cells share them; NaN at nodes of no cell."""
     cases, cells, quad, components = at_quadrature.shape
     samples = _Samples(
         # cell, node, space, quad point
@@ -94,28 +174,6 @@ def recovered_stress(
         at = mesh.nodes[middle]
         stress[middle] = (fits.evaluate(a, at) + fits.evaluate(b, at)) / 2
     return stress.reshape(-1, cases, components).transpose(1, 0, 2)
-
-
-def split_between(
-    mesh: TetMesh, groups: Int[np.ndarray, " cells"]
-) -> tuple[TetMesh, Int[np.ndarray, " nodes"]]:
-    """The same cells in the same order, sharing nodes only with cells of their group.
-
-    Stress recovered on this mesh jumps from group to group, each side from its own cells; errors
-    estimated with it do not take the jump for an error.
-
-    Args:
-        mesh: the mesh.
-        groups: a number for each cell, such as that of its material.
-
-    Returns:
-        The mesh, and for each of its nodes the node of `mesh` that it stands for.
-    """
-    _, group = np.unique(groups, return_inverse=True)
-    key = group.reshape(-1, 1).astype(np.int64) * len(mesh.nodes) + mesh.tets
-    distinct, tets = np.unique(key, return_inverse=True)
-    node = distinct % len(mesh.nodes)
-    return TetMesh(mesh.nodes[node], tets.reshape(mesh.tets.shape)), node
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,17 +9,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fea.elements import FACES_OF_TETRAHEDRON, TETRAHEDRA, TETRAHEDRON_EDGES, TRIANGLES, Element
-from fea.errors import FeaError
+from fea.errors import FeaError, position_text
 from fea.isoparametric import cell_determinants, cell_points, facet_points
+from fea.mid_edge_nodes import check_mid_edge_nodes, off_middle, with_mid_edge_nodes
 from fea.precision import refuse_single_precision
 from fea.quadrature import TETRAHEDRON_5
 
 # A determinant (six volumes) below this share of the longest edge cubed is rounding: its sign is
 # noise, and the stiffness, which grows as one over the height, would swamp all other cells.
-FLAT = 1e-12
-
-# Mid-edge nodes closer to the middle than this many roundings of the largest coordinate are there.
-STRAIGHT_ULPS = 8
+FLAT_DETERMINANT = 1e-12
 
 # Nodes of the same cell after its corners 1 and 2 have changed places: an inside-out cell righted.
 RIGHTED = {4: [0, 2, 1, 3], 10: [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]}
@@ -117,12 +115,7 @@ class TetMesh:
         """The same mesh with a node in the middle of each edge; a tet10 mesh is returned as is."""
         if self.element == "tet10":
             return self
-        edges = np.sort(self.tets[:, TETRAHEDRON_EDGES], axis=-1).reshape(-1, 2).astype(np.int64)
-        key, number = np.unique(edges[:, 0] * len(self.nodes) + edges[:, 1], return_inverse=True)
-        ends = np.stack(np.divmod(key, len(self.nodes)), axis=1)
-        middle = self.nodes[ends].mean(axis=1)
-        tets = np.concatenate([self.tets, len(self.nodes) + number.reshape(-1, 6)], axis=1)
-        return TetMesh(np.concatenate([self.nodes, middle]), tets)
+        return TetMesh(*with_mid_edge_nodes(self.nodes, self.tets))
 
     def with_nodes(self, nodes: Float[np.ndarray, "nodes 3"]) -> "TetMesh":
         """The same cells on moved nodes; what depends on the numbering alone is not found again.
@@ -157,6 +150,11 @@ class TetMesh:
         """Volume of the mesh [mm³]."""
         return float(self.volumes.sum())
 
+    @property
+    def quadrature_points(self) -> Float[np.ndarray, "cells quad 3"]:
+        """Positions of the quadrature points of each cell [mm]: where a modulus may be given."""
+        return cell_points(self.nodes[self.tets], self.element_type.quadrature)[0]
+
     @cached_property
     def jacobians(self) -> Float[np.ndarray, "cells quad"]:
         """Determinant of the isoparametric map at the quadrature points [mm³]."""
@@ -167,14 +165,7 @@ class TetMesh:
         """Cells with a mid-edge node away from the middle of its edge; none of a tet4 mesh."""
         if self.element == "tet4":
             return np.zeros(len(self.tets), dtype=bool)
-        rounding = STRAIGHT_ULPS * np.finfo(float).eps * np.abs(self.nodes).max()
-        a, b = TETRAHEDRON_EDGES.T
-        curved = np.zeros(len(self.tets), dtype=bool)
-        for edge in range(len(TETRAHEDRON_EDGES)):
-            ends = self.nodes[self.tets[:, a[edge]]] + self.nodes[self.tets[:, b[edge]]]
-            off = np.abs(self.nodes[self.tets[:, 4 + edge]] - ends / 2).max(axis=1)
-            curved |= ~(off <= rounding)
-        return curved
+        return off_middle(self.nodes, self.tets)
 
     @cached_property
     def _corner_determinants(self) -> Float[np.ndarray, " cells"]:
@@ -317,7 +308,7 @@ class TetMesh:
                 f"for each of the {len(points)} positions, as x[:, 0] < 1 does."
             )
         if not chosen.any():
-            low, high = _text(self.nodes.min(axis=0)), _text(self.nodes.max(axis=0))
+            low, high = position_text(self.nodes.min(axis=0)), position_text(self.nodes.max(axis=0))
             raise FeaError(
                 f"The test chooses none of the {len(points)} {what}; the mesh spans {low} to "
                 f"{high} mm. Widen it: positions are rounded, so compare with a margin."
@@ -334,24 +325,28 @@ class TetMesh:
         points are sound.
 
         Raises:
-            FeaError: for positions that are not numbers, inverted, folded or flat cells, nodes
-                outside all cells, or a face that more than two cells share.
+            FeaError: for positions that are not numbers, edges of tet10 cells that do not have one
+                mid-edge node, inverted, folded or flat cells, nodes outside all cells, or a face
+                that more than two cells share.
         """
         finite = np.isfinite(self.nodes).all(axis=1)
         if not finite.all():
             node = int(np.argmin(finite))
             raise FeaError(
                 f"{np.count_nonzero(~finite)} of {len(self.nodes)} nodes have positions that are "
-                f"not numbers: the first, node {node}, is at {_text(self.nodes[node])}; check what "
+                f"not numbers: the first, node {node}, is at {position_text(self.nodes[node])}; check what "
                 "made or moved the mesh."
             )
+        # First, as cells whose nodes are in another order are folded too.
+        if self.element == "tet10":
+            check_mid_edge_nodes(self.nodes, self.tets)
         self._check_cells()
         loose = np.bincount(self.tets.ravel(), minlength=len(self.nodes)) == 0
         if loose.any():
             node = int(np.argmax(loose))
             raise FeaError(
                 f"{np.count_nonzero(loose)} mesh nodes belong to no tetrahedron: the first, node "
-                f"{node}, is at {_text(self.nodes[node])} mm; remove them, or add their cells."
+                f"{node}, is at {position_text(self.nodes[node])} mm; remove them, or add their cells."
             )
         order, same = self.faces
         thrice = same[:-1] & same[1:]
@@ -372,30 +367,26 @@ class TetMesh:
         for a, b in TETRAHEDRON_EDGES:
             edge = corners[:, a] - corners[:, b]
             np.maximum(longest, np.einsum("xc,xc->c", edge, edge), out=longest)
-        bad = (det <= FLAT * longest[:, None] ** 1.5).any(axis=1)
+        bad = (det <= FLAT_DETERMINANT * longest[:, None] ** 1.5).any(axis=1)
         if not bad.any():
             return
         count, cells = int(np.count_nonzero(bad)), len(self.tets)
         cell = int(np.argmax(bad))
         where = f"the first, cell {cell} with its centre at {self._place(cell)}, has"
         said = f"{count} of {cells} tetrahedra are flat or inverted: {where}"
-        if self._corner_determinants[cell] > FLAT * longest[cell] ** 1.5:
+        if self._corner_determinants[cell] > FLAT_DETERMINANT * longest[cell] ** 1.5:
             worst = points[int(np.argmin(det[cell]))]
             at = self.element_type.shape(worst[None])[0] @ self.nodes[self.tets[cell]]
             raise FeaError(
-                f"{said} curved edges and folds over at {_text(at)} mm (det J = "
+                f"{said} curved edges and folds over at {position_text(at)} mm (det J = "
                 f"{det[cell].min():.3g}, {self._corner_determinants[cell]:.3g} if its edges were "
                 "straight); move its mid-edge nodes towards the middle of their edges, or remesh."
             )
         remedy = "remesh, or merge nodes that coincide"
-        if self._corner_determinants[cell] < -FLAT * longest[cell] ** 1.5:
+        if self._corner_determinants[cell] < -FLAT_DETERMINANT * longest[cell] ** 1.5:
             rows = "every cell" if count == cells else "these cells"
             remedy = f"reorder the nodes of {rows} as [:, {RIGHTED[self.tets.shape[1]]}], or remesh"
         raise FeaError(f"{said} volume {self.volumes[cell]:.3g} mm³; {remedy}.")
 
     def _place(self, cell: int) -> str:
-        return f"{_text(self.nodes[self.tets[cell, :4]].mean(axis=0))} mm"
-
-
-def _text(point: Float[np.ndarray, " 3"]) -> str:
-    return f"({', '.join(f'{float(c):.6g}' for c in point)})"
+        return f"{position_text(self.nodes[self.tets[cell, :4]].mean(axis=0))} mm"

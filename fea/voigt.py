@@ -112,14 +112,6 @@ def turned_stress(
     return vector(xp.einsum("...ik,...kl,...jl->...ij", R, tensor(stress), R))
 
 
-def turned_strain(
-    strain: Float[Kind, "*shape 6"], R: Float[Kind, "*#shape 3 3"]
-) -> Float[Kind, "*shape 6"]:
-    """Strain 6-vectors of a body that is turned by R, with its strain, in the same axes."""
-    xp = strain.__array_namespace__()
-    return strain_vector(xp.einsum("...ik,...kl,...jl->...ij", R, strain_tensor(strain), R))
-
-
 def turned_stiffness(
     C: Float[Kind, "*shape 6 6"], R: Float[Kind, "*#shape 3 3"]
 ) -> Float[Kind, "*shape 6 6"]:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import bsr_array
 
+from fea.linear_solve.conjugate_gradients import ROUNDS
 from fea.linear_solve.element_operator import ElementOperator, Matrix
 from fea.linear_solve.interface import AbstractMethod
 from fea.linear_solve.mkl_sparse import diagonal_blocks
@@ -21,10 +22,6 @@ from fea.precision import require_x64
 # Iterations grow with the number of nodes along the longest path through the part; a solid of
 # 210k dofs takes 500, slender lattices take ten times as many.
 MAX_ITERATIONS = 20_000
-
-# The residual that the iteration carries along drifts from b - K x by rounding; from there the
-# iteration is started once more.
-ROUNDS = 2
 
 
 class State(NamedTuple):
@@ -63,7 +60,7 @@ class JaxCG(AbstractMethod):
     ) -> Applied:
         """Conjugate gradients, column by column."""
         shape = self._operator.diagonal.shape[:2]
-        x, most, done = np.zeros_like(rhs), 0, True
+        x, most, cut_off = np.zeros_like(rhs), 0, False
         for column in range(rhs.shape[1]):
             b = jnp.asarray(rhs[:, column].reshape(shape))
             start = jnp.zeros_like(b) if x0 is None else jnp.asarray(x0[:, column].reshape(shape))
@@ -79,8 +76,9 @@ class JaxCG(AbstractMethod):
                 raise SolveFailure(SolveResult.SINGULAR, np.asarray(state.p).reshape(-1))
             x[:, column] = np.asarray(state.x).reshape(-1)
             most = max(most, int(state.iterations))
-            done = done and bool(jnp.linalg.norm(state.r) <= target)
-        return Applied(x, most, SolveResult.CONVERGED if done else SolveResult.NOT_CONVERGED)
+            spent = int(state.iterations) == MAX_ITERATIONS
+            cut_off = cut_off or (spent and not bool(jnp.linalg.norm(state.r) <= target))
+        return Applied(x, most, cut_off)
 
     def free(self) -> None:
         """Drop the operator and its blocks."""
@@ -129,7 +127,7 @@ def _solve(
 ) -> tuple[State, Float[Array, ""]]:
     """Iterate until the true residual is small enough; the last state, and what it should be."""
     K = operator.matvec
-    target = rtol * jnp.linalg.norm(b)
+    target = jnp.maximum(rtol, jnp.finfo(b.dtype).eps) * jnp.linalg.norm(b)
     Kx = K(x0)
     energy = jnp.vdot(x0, Kx)
     # The multiple of x0 with the least energy of the error.

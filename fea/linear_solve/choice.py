@@ -2,17 +2,22 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.sparse import bsr_array, csr_array
 
 from fea.errors import FeaError
 from fea.linear_solve.amg import MultigridCG
 from fea.linear_solve.cg_jax import JaxCG
 from fea.linear_solve.direct_pardiso import Pardiso, is_installed
 from fea.linear_solve.direct_superlu import SuperLU
-from fea.linear_solve.element_operator import ElementOperator, matrix_shape
+from fea.linear_solve.element_operator import (
+    MATRIX_FREE,
+    ElementOperator,
+    GivenMatrix,
+    as_matrix,
+    matrix_shape,
+)
 from fea.linear_solve.interface import Factor, prepared
 
-SOLVERS = ("auto", "pardiso", "superlu", "amg", "jax-cg")
+SOLVERS = ("auto", "pardiso", "superlu", "amg", MATRIX_FREE)
 
 # Largest model for a direct solver [dofs], from the table in the decision note. On frames of slender
 # struts (six dofs a joint) multigrid needs some hundred iterations and PARDISO keeps up longer.
@@ -23,34 +28,39 @@ FRAME_BLOCK = 6
 
 
 def factorise(
-    K: bsr_array | csr_array | ElementOperator,
+    K: GivenMatrix,
     *,
     near_null: Float[np.ndarray, "dofs modes"] | None = None,
     solver: str = "auto",
+    definite: bool = False,
 ) -> Factor:
     """Make a symmetric positive definite matrix ready for solving.
 
     Args:
-        K: the matrix, both triangles, in whole node blocks (`K.blocksize`) with all diagonal
-            blocks (a `csr_array` has blocks of one dof); or an operator that is never assembled,
-            for "jax-cg".
+        K: the matrix, both triangles, in whole node blocks (`K.blocksize` of a `bsr_array`; other
+            formats of SciPy and arrays have blocks of one dof) with all diagonal blocks; or an
+            operator that is never assembled, for "jax-cg".
         near_null: fields of almost no energy, the six rigid-body modes: multigrid needs them to be
             fast, and every solver looks whether K resists them.
         solver: "pardiso", "superlu", "amg", "jax-cg", or "auto": direct for small models,
             multigrid for large ones.
+        definite: the caller has shown that no motion is free, so that none need be looked for
+            before solving: a third of a direct factorisation, near half of multigrid's set-up. What a
+            factorisation or a solution shows of its own is still refused.
 
     Raises:
         SingularStiffness: when K is singular, with the free motion.
         FeaError: when K is not finite, not float64 or not in whole blocks, or the solver is
             unknown, not installed or not for this K.
     """
+    K = as_matrix(K)
     if isinstance(K, ElementOperator):
-        if solver not in ("auto", "jax-cg"):
+        if solver not in ("auto", MATRIX_FREE):
             raise FeaError(
-                f'Solver "{solver}" needs an assembled matrix; assemble K, or choose "jax-cg".'
+                f'Solver "{solver}" needs an assembled matrix; assemble K, or choose '
+                f'"{MATRIX_FREE}".'
             )
-        return prepared(K, JaxCG(), "jax-cg", near_null)
-    K = _blocks(K)
+        return prepared(K, JaxCG(), MATRIX_FREE, near_null, definite=definite)
     size = K.blocksize[0]
     dofs = matrix_shape(K)[0]
     name = chosen(dofs, solver, block=size, has_modes=near_null is not None)
@@ -59,9 +69,9 @@ def factorise(
         "pardiso": Pardiso,
         "superlu": SuperLU,
         "amg": lambda: MultigridCG(fields),
-        "jax-cg": JaxCG,
+        MATRIX_FREE: JaxCG,
     }
-    return prepared(K, methods[name](), name, near_null)
+    return prepared(K, methods[name](), name, near_null, definite=definite)
 
 
 def chosen(dofs: int, solver: str, *, block: int, has_modes: bool) -> str:
@@ -89,17 +99,3 @@ def chosen(dofs: int, solver: str, *, block: int, has_modes: bool) -> str:
         direct = "pardiso"
         limit = PARDISO_LIMIT_FRAME if block == FRAME_BLOCK else PARDISO_LIMIT_SOLID
     return "amg" if dofs > limit and has_modes else direct
-
-
-def _blocks(K: bsr_array | csr_array) -> bsr_array:
-    """K in square blocks with sorted columns."""
-    if isinstance(K, csr_array):
-        K = bsr_array(K, blocksize=(1, 1))
-    rows, columns = K.blocksize
-    down, along = matrix_shape(K)
-    if down != along or rows != columns:
-        raise FeaError(
-            f"The stiffness has {down} rows and {along} columns in blocks of {rows} by {columns}; "
-            "give a square matrix in square blocks."
-        )
-    return K if K.has_sorted_indices else K.sorted_indices()

@@ -37,7 +37,8 @@ def conjugate_gradients(
         limit: largest number of iterations.
 
     Returns:
-        x, the number of iterations, and whether they sufficed.
+        x, the number of iterations, and whether `limit` cut them off. Where rounding keeps the
+        residual above the one wanted, x is as good as it gets and the caller looks at its residual.
 
     Raises:
         SolveFailure: when a direction without stiffness turns up; it is the free motion.
@@ -49,7 +50,7 @@ def conjugate_gradients(
         p, rz = np.zeros_like(b), 1.0
         while _norm(r) > target:
             if count == limit:
-                return x, count, False
+                return x, count, True
             count += 1
             z = precondition(r)
             before, rz = rz, _dot(r, z)
@@ -66,7 +67,7 @@ def conjugate_gradients(
         r = b - product(x)
         if _norm(r) <= target:
             break
-    return x, count, True
+    return x, count, False
 
 
 def _start(

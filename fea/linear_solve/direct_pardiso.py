@@ -3,6 +3,7 @@
 import ctypes
 import importlib.util
 import sys
+from collections.abc import Callable
 from functools import cache
 from typing import ClassVar
 
@@ -80,7 +81,7 @@ class Pardiso(AbstractMethod):
         rtol: float,
     ) -> Applied:
         """Forward and back substitution."""
-        return Applied(self._call(SOLVE, np.asfortranarray(rhs)), 0, SolveResult.CONVERGED)
+        return Applied(self._call(SOLVE, np.asfortranarray(rhs)), 0)
 
     def free(self) -> None:
         """Hand the factor's memory back to MKL."""
@@ -101,9 +102,10 @@ class Pardiso(AbstractMethod):
                 raise SolveFailure(SolveResult.OUT_OF_MEMORY) from error
             raise SolveFailure(SolveResult.SINGULAR) from error
 
-    def __del__(self):
-        # At interpreter exit MKL may be gone already, and the process returns its memory anyway.
-        if getattr(self, "_upper", None) is not None and not sys.is_finalizing():
+    def __del__(self, is_finalizing: Callable[[], bool] = sys.is_finalizing):
+        # At interpreter exit MKL may be gone already, even the name `sys`, and the process returns
+        # its memory anyway.
+        if getattr(self, "_upper", None) is not None and not is_finalizing():
             self.free()
 
 

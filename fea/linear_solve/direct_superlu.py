@@ -47,7 +47,7 @@ class SuperLU(AbstractMethod):
         """Substitution, and one step of iterative refinement."""
         x = self._factor.solve(rhs)
         x += self._factor.solve(rhs - self._K @ x)
-        return Applied(x, 0, SolveResult.CONVERGED)
+        return Applied(x, 0)
 
     def free(self) -> None:
         """Drop the factor."""

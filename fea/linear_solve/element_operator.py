@@ -6,7 +6,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import bsr_array, bsr_matrix, csr_array, issparse, sparray, spmatrix
+
+from fea.errors import FeaError
+from fea.precision import as_float64
+
+# Solver of operators that are never assembled.
+MATRIX_FREE = "jax-cg"
 
 
 class ElementOperator(eqx.Module):
@@ -50,8 +56,44 @@ def _product(operator: ElementOperator, x: Float[Array, " dofs"]) -> Float[Array
 # A stiffness as solvers take it: assembled in whole node blocks, or a rule for products.
 Matrix = bsr_array | ElementOperator
 
+# And as they may be given.
+GivenMatrix = sparray | spmatrix | np.ndarray | ElementOperator
 
-def matrix_shape(K: Matrix | csr_array) -> tuple[int, int]:
+
+def as_matrix(K: GivenMatrix) -> Matrix:
+    """A stiffness in square blocks with sorted columns, each entry stored once.
+
+    Args:
+        K: any matrix of SciPy or NumPy; only `bsr_array` and `bsr_matrix` have blocks, others get
+            blocks of one dof. An operator stays as it is.
+
+    Raises:
+        FeaError: when it is no matrix of real numbers, not square, or its blocks are not.
+    """
+    if isinstance(K, ElementOperator):
+        return K
+    if not issparse(K) and not (isinstance(K, np.ndarray) and K.ndim == 2):
+        raise FeaError(
+            f"The stiffness is a {type(K).__name__}; give a sparse matrix of SciPy or a "
+            "two-dimensional array."
+        )
+    blocks = K if isinstance(K, bsr_array | bsr_matrix) else csr_array(K).tobsr((1, 1))
+    rows, columns = blocks.blocksize
+    down, along = matrix_shape(blocks)
+    if down != along or rows != columns:
+        raise FeaError(
+            f"The stiffness has {down} rows and {along} columns in blocks of {rows} by {columns}; "
+            "give a square matrix in square blocks."
+        )
+    data = as_float64(blocks.data, "Entries of the stiffness matrix")
+    matrix = bsr_array((data, blocks.indices, blocks.indptr), blocks.shape)
+    if not matrix.has_canonical_format:
+        matrix = matrix.copy()  # what the caller gave stays as it is
+        matrix.sum_duplicates()
+    return matrix
+
+
+def matrix_shape(K: Matrix | csr_array | bsr_matrix) -> tuple[int, int]:
     """Rows and columns; SciPy's own annotation of `shape` allows None."""
     rows, columns = K.shape  # pyright: ignore[reportGeneralTypeIssues]
     return int(rows), int(columns)

@@ -1,14 +1,20 @@
 """One interface to all linear solvers: a method to implement, a factor to use."""
 
 import abc
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float, Num
 from scipy.sparse import bsr_array
 
 from fea.errors import FeaError
-from fea.linear_solve.element_operator import ElementOperator, matrix_shape
+from fea.linear_solve.element_operator import (
+    ElementOperator,
+    GivenMatrix,
+    as_matrix,
+    matrix_shape,
+)
 from fea.linear_solve.element_operator import Matrix as Matrix
 from fea.linear_solve.solve_result import (
     Applied,
@@ -26,15 +32,22 @@ from fea.linear_solve.stiffness_checks import (
     shifted,
     softest_motion,
 )
-from fea.precision import refuse_single_precision
+from fea.precision import as_float64
 
-# Wanted |b - K x| / |b|. Loads and reactions then balance to about the same figure; double
-# precision leaves two more digits for well-shaped solids.
+# |b - K x| / |b| wanted unless the caller says otherwise. Loads and reactions then balance to about
+# the same figure; double precision leaves two more digits for well-shaped solids.
 RELATIVE_RESIDUAL = 1e-10
 
-# Largest |b - K x| / |b| that still counts as solved. Rounding of x alone gives about
+# Largest |b - K x| / |b| that still counts as solved then. Rounding of x alone gives about
 # eps cond(K), 1e-7 for slender struts; beyond 1e-6 three digits of a compliance are in danger.
 RESIDUAL_LIMIT = 1e-6
+
+# Iterations stop at this share of the residual wanted: it is measured by another product, in another
+# order of summation.
+AIM = 0.9
+
+# A right-hand side or a starting point, as it may be given.
+Columns = Num[np.ndarray, "dofs ..."] | Num[Array, "dofs ..."] | Sequence[Any]
 
 
 class AbstractMethod(abc.ABC):
@@ -91,73 +104,95 @@ class Factor:
         method: AbstractMethod,
         name: str,
         near_null: Float[np.ndarray, "dofs modes"] | None,
+        *,
+        definite: bool,
     ):
         self.K = K
         self.name = name
         self._method = method
         self._near_null = near_null
+        self._definite = definite
         self._spent = ""
 
     def solve(
         self,
-        rhs: Float[np.ndarray, "dofs ..."],
+        rhs: Columns,
         *,
-        x0: Float[np.ndarray, "dofs ..."] | None = None,
-        rtol: float = RELATIVE_RESIDUAL,
+        x0: Columns | None = None,
+        rtol: float | None = None,
         throw: bool = True,
     ) -> Solution:
         """Solve K x = rhs; K is symmetric, so this is the adjoint solve too.
 
+        One rule for all solvers: what counts is the true residual |rhs - K x| / |rhs|. Without
+        `rtol`, 1e-10 is wanted and up to `RESIDUAL_LIMIT` accepted, since rounding of x alone leaves
+        eps cond(K). With `rtol`, a residual above it is an error, of a direct solver too:
+        `TOLERANCE_MISSED` up to `RESIDUAL_LIMIT`. Beyond that limit a miss is `NOT_CONVERGED` where
+        the iterations ran out, else `INACCURATE`.
+
         Args:
             rhs: one right-hand side, or one a column.
             x0: starting point of an iterative solver.
-            rtol: wanted |rhs - K x| / |rhs| of an iterative solver.
+            rtol: largest |rhs - K x| / |rhs|.
             throw: raise when the solve fails; otherwise the result says so.
 
         Raises:
-            FeaError: the sentence of the `SolveResult`, when the solve failed and `throw`; always
-                when the factor is spent, or sizes or precision of the right-hand side are wrong.
+            FeaError: the sentence of the `SolveResult` with the figures, when the solve failed and
+                `throw`; always when the factor is spent, or a right-hand side, a starting point or
+                `rtol` is malformed.
         """
         self._refuse_when_spent()
-        refuse_single_precision(rhs, "Loads")
-        if len(rhs) != matrix_shape(self.K)[0]:
+        if rtol is not None and not rtol > 0:
+            raise FeaError(f"rtol is {rtol}; give a number above zero.")
+        given = self._columns(rhs, "Loads")
+        b = given[:, None] if given.ndim == 1 else given
+        start = None if x0 is None else self._columns(x0, "Displacements to start from")
+        if start is not None and start.shape != given.shape:
             raise FeaError(
-                f"The load has {len(rhs)} rows, but the stiffness {matrix_shape(self.K)[0]}; give every dof "
-                "its load."
+                f"The starting point has shape {start.shape}, the load {given.shape}; give one for "
+                "each load."
             )
-        b = rhs[:, None] if rhs.ndim == 1 else rhs
-        start = None if x0 is None else x0.reshape(b.shape)
-        mode = None
+        mode, figures = None, ""
         try:
-            x, iterations, result = self._applied(b, start, rtol)
+            applied = self._applied(b, None if start is None else start.reshape(b.shape), rtol)
         except SolveFailure as failure:
-            x, iterations, result = np.full_like(b, np.nan), 0, failure.result
-            mode = failure.mode
-        residual = relative_residual(self.K, x, b)
-        # `not <=` so that NaN fails.
-        if result is SolveResult.CONVERGED and not residual <= max(rtol, RESIDUAL_LIMIT):
-            result = SolveResult.INACCURATE
+            applied, result = Applied(np.full_like(b, np.nan), 0), failure.result
+            mode, figures, residual = failure.mode, failure.figures, np.nan
+        else:
+            residual = relative_residual(self.K, applied.x, b)
+            result = _judged(residual, rtol, cut_off=applied.cut_off)
+            limit = f"limit {RESIDUAL_LIMIT:g}" if rtol is None else f"rtol {rtol:g}"
+            figures = f"residual {residual:.2g}, {limit}"
+            if not self._method.direct:
+                figures += f", iterations {applied.iterations}"
         if throw:
-            _throw(result, mode)
-        return Solution(x.reshape(rhs.shape), residual, result, iterations)
+            _throw(result, mode, figures)
+        return Solution(applied.x.reshape(given.shape), residual, result, applied.iterations)
 
-    def update(self, K: Matrix) -> "Factor":
+    def update(self, K: GivenMatrix) -> "Factor":
         """Factor of a matrix with the same pattern and other values; this one is spent afterwards.
 
         A direct solver keeps its ordering and symbolic factor, multigrid its hierarchy as long as
         that still converges well, JAX what it has compiled.
 
         Raises:
-            FeaError: when K is singular, of another size, or this factor is spent.
+            FeaError: when K is singular, of another size, or this factor is spent. After a K that
+                cannot be factorised this factor is lost, too.
         """
         self._refuse_when_spent()
+        K = as_matrix(K)
         if matrix_shape(K) != matrix_shape(self.K):
             raise FeaError(
                 f"The new stiffness has {matrix_shape(K)[0]} dofs, the old one "
                 f"{matrix_shape(self.K)[0]}; factorise it afresh."
             )
+        # Until that has succeeded the method is half old, half new.
+        self._spent = "was lost when its update failed; factorise the stiffness afresh"
+        factor = prepared(
+            K, self._method, self.name, self._near_null, definite=self._definite, first=False
+        )
         self._spent = "went into the factor that its update returned; use that one"
-        return prepared(K, self._method, self.name, self._near_null, first=False)
+        return factor
 
     def free(self) -> None:
         """Release the memory of the factorisation now rather than at garbage collection."""
@@ -166,18 +201,31 @@ class Factor:
             if matrix_shape(self.K)[0]:
                 self._method.free()
 
+    def _columns(self, given: Columns, what: str) -> Float[np.ndarray, "dofs ..."]:
+        """What the caller gave, as float64, with a row for each dof."""
+        values = as_float64(given, what)
+        dofs = matrix_shape(self.K)[0]
+        if values.ndim not in (1, 2) or len(values) != dofs:
+            raise FeaError(
+                f"{what} have shape {values.shape}, but the stiffness has {dofs} rows; give every dof "
+                "one number a case."
+            )
+        return values
+
     def _applied(
         self,
         b: Float[np.ndarray, "dofs columns"],
         x0: Float[np.ndarray, "dofs columns"] | None,
-        rtol: float,
+        rtol: float | None,
     ) -> Applied:
         if not np.isfinite(b).all():
             raise SolveFailure(SolveResult.NOT_FINITE)
         if b.size == 0:
-            return Applied(np.zeros_like(b), 0, SolveResult.CONVERGED)
-        applied = self._method.apply(b, x0, rtol)
-        if not self._method.direct:
+            return Applied(np.zeros_like(b), 0)
+        if x0 is not None and not np.isfinite(x0).all():
+            raise SolveFailure(SolveResult.NOT_FINITE)
+        applied = self._method.apply(b, x0, AIM * (RELATIVE_RESIDUAL if rtol is None else rtol))
+        if self._definite or not self._method.direct:
             check_solution(self.K, applied.x, b)
         return applied
 
@@ -192,6 +240,7 @@ def prepared(
     name: str,
     near_null: Float[np.ndarray, "dofs modes"] | None,
     *,
+    definite: bool,
     first: bool = True,
 ) -> Factor:
     """Check a stiffness, whatever the solver, and make the method ready for it.
@@ -201,6 +250,7 @@ def prepared(
         method: new, or the one that served a matrix of the same pattern.
         name: of the method.
         near_null: fields of almost no energy.
+        definite: whether it is known that no motion is free.
         first: whether the pattern is new, and with it what can move.
 
     Raises:
@@ -210,17 +260,17 @@ def prepared(
     try:
         check_matrix(K)
         if matrix_shape(K)[0]:
-            if near_null is not None:
+            if near_null is not None and not definite:
                 check_rigid_motion(K, near_null)
-            _make_ready(method, K, first=first)
+            _make_ready(method, K, first=first, definite=definite)
     except SolveFailure as failure:
-        _throw(failure.result, failure.mode)
+        _throw(failure.result, failure.mode, failure.figures)
     except MemoryError as error:
         raise FeaError(SolveResult.OUT_OF_MEMORY.value) from error
-    return Factor(K, method, name, near_null)
+    return Factor(K, method, name, near_null, definite=definite)
 
 
-def _make_ready(method: AbstractMethod, K: Matrix, *, first: bool) -> None:
+def _make_ready(method: AbstractMethod, K: Matrix, *, first: bool, definite: bool) -> None:
     """Factorise; a singular matrix once more, a little stiffer, to find the motion that is free."""
 
     def solve(
@@ -231,12 +281,13 @@ def _make_ready(method: AbstractMethod, K: Matrix, *, first: bool) -> None:
     if not method.direct or isinstance(K, ElementOperator):
         # `factorise` gives operators to methods that take them.
         method.update(K)  # pyright: ignore[reportArgumentType]
-        if first and method.probed:
+        if first and method.probed and not definite:
             check_held(K, solve)
         return
     try:
         method.update(K)
-        check_definite(K, solve)
+        if not definite:
+            check_definite(K, solve)
     except SolveFailure as failure:
         if failure.result is not SolveResult.SINGULAR or failure.mode is not None:
             raise
@@ -254,8 +305,17 @@ def relative_residual(
     return float((np.linalg.norm(b - K @ x, axis=0) / np.where(norm > 0, norm, 1.0)).max())
 
 
-def _throw(result: SolveResult, mode: Float[np.ndarray, " dofs"] | None) -> None:
+def _judged(residual: float, rtol: float | None, *, cut_off: bool) -> SolveResult:
+    """The rule of `Factor.solve`; comparisons are such that NaN fails."""
+    if residual <= (RESIDUAL_LIMIT if rtol is None else rtol):
+        return SolveResult.CONVERGED
+    if residual <= RESIDUAL_LIMIT:
+        return SolveResult.TOLERANCE_MISSED
+    return SolveResult.NOT_CONVERGED if cut_off else SolveResult.INACCURATE
+
+
+def _throw(result: SolveResult, mode: Float[np.ndarray, " dofs"] | None, figures: str) -> None:
     if result is SolveResult.SINGULAR:
         raise SingularStiffness(result.value, mode)
     if result is not SolveResult.CONVERGED:
-        raise FeaError(result.value)
+        raise FeaError(f"{result.value} ({figures})" if figures else result.value)

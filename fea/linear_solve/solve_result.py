@@ -11,19 +11,31 @@ from fea.errors import FeaError
 
 
 class SolveResult(Enum):
-    """How a linear solve ended; the value is the sentence for the user, empty when all is well."""
+    """How a linear solve ended; the value is the sentence for the user, empty when all is well.
+
+    Errors add the figures: residual, its limit, iterations.
+    """
 
     CONVERGED = ""
     SINGULAR = "Stiffness is singular: some part can move freely. Add supports."
     NOT_CONVERGED = (
-        "The iterative solver did not converge: elements are badly shaped or stiffnesses differ "
-        'too much. Use the direct solver (solver="pardiso" or "superlu").'
+        "The iterative solver did not converge: elements are badly shaped, the material is nearly "
+        "incompressible (nu near 0.5) or stiffnesses differ by many orders. Use the direct solver "
+        '(solver="pardiso" or "superlu").'
     )
     INACCURATE = (
-        "The linear solver lost too many digits: elements are badly shaped or stiffnesses differ "
-        "too much. Improve the mesh or add supports."
+        "The linear solver lost too many digits: elements are badly shaped, the material is nearly "
+        "incompressible (nu near 0.5) or stiffnesses differ by many orders. Improve the mesh, use a "
+        "smaller nu or ratio of stiffnesses, or add supports."
     )
-    NOT_FINITE = "Stiffness or loads contain NaN or infinite numbers. Check material and loads."
+    TOLERANCE_MISSED = (
+        "The linear solve misses the tolerance asked for: rounding or the largest number of "
+        "iterations ended it above. Ask for a larger rtol, or for none."
+    )
+    NOT_FINITE = (
+        "Stiffness, loads or the starting point contain NaN or infinite numbers. Check material "
+        "and loads."
+    )
     OUT_OF_MEMORY = (
         'The linear solver ran out of memory. Use the iterative solver (solver="amg") or a '
         "coarser model."
@@ -36,12 +48,19 @@ class SolveFailure(Exception):
     Attributes:
         result: what went wrong.
         mode: the free motion, when that is what went wrong and it is known.
+        figures: what was measured, for the message.
     """
 
-    def __init__(self, result: SolveResult, mode: Float[np.ndarray, " dofs"] | None = None):
+    def __init__(
+        self,
+        result: SolveResult,
+        mode: Float[np.ndarray, " dofs"] | None = None,
+        figures: str = "",
+    ):
         super().__init__(result.value)
         self.result = result
         self.mode = mode
+        self.figures = figures
 
 
 class SingularStiffness(FeaError):
@@ -79,9 +98,10 @@ class Applied(NamedTuple):
     Attributes:
         x: solutions, one a column.
         iterations: largest number over the columns.
-        result: the worst over the columns, before the true residual is looked at.
+        cut_off: whether an iteration ended at its largest number, rather than at the residual
+            wanted or where rounding let it fall no further.
     """
 
     x: Float[np.ndarray, "dofs columns"]
     iterations: int
-    result: SolveResult
+    cut_off: bool = False

@@ -170,7 +170,8 @@ def check_motion(K: Matrix, motion: Float[np.ndarray, " dofs"]) -> None:
     if not energy > FREE * noise:
         raise SolveFailure(SolveResult.SINGULAR, motion)
     if energy < SOFT * noise:
-        raise SolveFailure(SolveResult.INACCURATE)
+        figures = f"a soft motion has {energy / noise:.2g} times the energy that rounding gives it"
+        raise SolveFailure(SolveResult.INACCURATE, figures=f"{figures}, limit {SOFT:g}")
 
 
 def diagonal_of(K: Matrix) -> Float[np.ndarray, " dofs"]:

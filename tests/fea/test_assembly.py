@@ -101,8 +101,3 @@ def test_the_reduced_matrix_of_a_definite_matrix_is_definite():
     small = Reduced.from_pattern(pattern, fixed).matrix(K).toarray()
     assert len(small) == 3 * (NODES - 1)
     assert np.linalg.eigvalsh(small).min() > 0
-
-
-def test_connected_parts_are_numbered():
-    part = Pattern.from_nodes(np.array([[0, 1], [1, 2], [3, 4]]), 5).components
-    assert part[0] == part[1] == part[2] != part[3] == part[4]

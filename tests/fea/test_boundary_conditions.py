@@ -2,12 +2,13 @@
 
 import jax
 import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fea import FeaError, Support, TetMesh
+from fea import FeaError, Material, Support, TetMesh
 from fea.boundary_conditions import (
     body_forces,
     check_loads,
@@ -230,6 +231,104 @@ def test_impossible_loads_are_refused(call, message):
         call(mesh, right(mesh))
 
 
+LOAD_OF = {
+    "traction": lambda m, load, **more: traction_forces(m, right(m), load, **more),
+    "force": lambda m, load, **more: force_on_facets(m, right(m), load, **more),
+    "moment": lambda m, load, **more: moment_on_facets(m, right(m), load, **more),
+    "gravity": lambda m, load, **more: gravity_forces(m, 2.0, load, **more),
+    "body force": lambda m, load, **more: body_forces(m, load, **more),
+}
+SINGLE = [np.ones(3, np.float32), jnp.ones(3, jnp.float32), jnp.ones(3, jnp.bfloat16)]
+
+
+@pytest.mark.parametrize("name", LOAD_OF)
+def test_lists_and_whole_numbers_are_loads_too(name):
+    mesh, load = curved(), LOAD_OF[name]
+    expected = load(mesh, np.array([1.0, -2.0, 3.0]))
+    for numbers in ([1, -2, 3], (1.0, -2, 3), np.array([1, -2, 3]), jnp.array([1, -2, 3])):
+        found = load(mesh, numbers)
+        assert found.dtype == np.float64
+        assert isinstance(found, jax.Array) == isinstance(numbers, jax.Array)
+        np.testing.assert_allclose(found, expected, atol=1e-14)
+    moved = load(mesh, [1, -2, 3], nodes=jnp.asarray(mesh.nodes))
+    np.testing.assert_allclose(moved, expected, atol=1e-14)
+    # A list may hold what JAX traces.
+    slope = jax.grad(lambda p: load(mesh, [0.0, 0, p])[:, 2].sum())(2.0)
+    unit = load(mesh, [0.0, 0.0, 1.0])[:, 2].sum()
+    np.testing.assert_allclose(slope, unit, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", LOAD_OF)
+def test_single_precision_is_refused_wherever_it_enters(name):
+    mesh, load = curved(), LOAD_OF[name]
+    for single in SINGLE:
+        with pytest.raises(FeaError, match=f"are {single.dtype}"):
+            load(mesh, single)
+    for nodes in (mesh.nodes.astype(np.float32), jnp.asarray(mesh.nodes, jnp.float32)):
+        with pytest.raises(FeaError, match="array `nodes` are float32"):
+            load(mesh, np.ones(3), nodes=nodes)
+    with pytest.raises(FeaError, match="float32"):
+        jax.jit(lambda single: load(mesh, single))(SINGLE[1])
+    with pytest.raises(FeaError, match="float32"):
+        jax.grad(lambda x: load(mesh, np.ones(3), nodes=x).sum())(
+            jnp.asarray(mesh.nodes, jnp.float32)
+        )
+
+
+def test_single_precision_of_pressure_density_and_functions_is_refused():
+    mesh = curved()
+    facets, down = right(mesh), np.array([0.0, 0.0, -1.0])
+    for single in (np.float32(2), jnp.float32(2)):
+        with pytest.raises(FeaError, match="pressure are float32"):
+            pressure_forces(mesh, facets, single)
+        with pytest.raises(FeaError, match="density are float32"):
+            gravity_forces(mesh, single, down)
+    for xp in (np, jnp):
+        with pytest.raises(FeaError, match="pressure are float32"):
+            pressure_forces(mesh, facets, lambda x, xp=xp: xp.asarray(x[:, 0], xp.float32))
+    # What Python's numbers become when JAX traces them is float64.
+    total = jax.jit(lambda p: pressure_forces(mesh, facets, p))(2.0)
+    np.testing.assert_allclose(total, pressure_forces(mesh, facets, 2), atol=1e-14)
+
+
+def test_jax_without_float64_is_refused_with_its_remedy():
+    mesh = curved()
+    jax.config.update("jax_enable_x64", False)
+    try:
+        with pytest.raises(FeaError, match="jax_enable_x64"):
+            pressure_forces(mesh, right(mesh), jnp.asarray(2.0))
+    finally:
+        jax.config.update("jax_enable_x64", True)
+
+
+def test_jax_arrays_that_have_values_are_looked_at():
+    mesh = curved()
+    with pytest.raises(FeaError, match=r"force is not a number, nan at \[1\]"):
+        force_on_facets(mesh, right(mesh), jnp.array([0.0, jnp.nan, 0.0]))
+    with pytest.raises(FeaError, match="array `nodes` is not a number"):
+        force_on_facets(mesh, right(mesh), np.ones(3), nodes=jnp.asarray(mesh.nodes) / 0.0)
+    with pytest.raises(FeaError, match="no real number"):
+        force_on_facets(mesh, right(mesh), ["a", "b", "c"])
+    with pytest.raises(FeaError, match="give float64"):
+        force_on_facets(mesh, right(mesh), jnp.ones(3, complex))
+
+
+@pytest.mark.parametrize("xp", [np, jnp])
+def test_a_body_without_mass_has_no_weight(xp):
+    mesh, down = curved(), np.array([0.0, 0.0, -9810.0])
+    cells = len(mesh.tets)
+    some = np.where(np.arange(cells) > 2, 1.0, 0.0)
+    assert gravity_forces(mesh, xp.asarray(some), down).sum() < 0  # voids among other cells
+    for none in (xp.asarray(0.0), xp.zeros(cells)):
+        with pytest.raises(FeaError, match=r"density is zero, .* give the material its own"):
+            gravity_forces(mesh, none, down)
+    for negative in (xp.asarray(-2.0), xp.asarray(np.where(some > 0, some, -2.0))):
+        with pytest.raises(FeaError, match="density is -2 tonne/mm³ somewhere"):
+            gravity_forces(mesh, negative, down)
+    with pytest.raises(FeaError, match="density is zero"):
+        gravity_forces(mesh, Material(1.0, 0.3, 0.0).density, down)
+
+
 def test_nodes_of_another_mesh_are_refused():
     mesh = curved()
     with pytest.raises(FeaError, match="but the mesh has"):
@@ -280,7 +379,10 @@ def test_values_are_read_only_where_they_are_prescribed():
             [Support.clamp(np.array([0])), Support(np.array([3]), ALL, np.array([0, np.nan, 0]))],
             r"Support 2 prescribes a displacement that is not a number \(nan along y at node 3\)",
         ),
-        ([Support(np.array([3]), ALL, np.zeros(3, np.float32))], "support 1 are float32"),
+        (
+            [Support.clamp(np.array([4])), Support.clamp(np.array([], int))],
+            "Support 2 names no node, so it holds nothing",
+        ),
         (
             [Support.clamp(np.array([4])), Support(np.array([4]), ALL, np.array([0.0, 0, 2]))],
             "Support 2 prescribes 2 mm along z at node 4, where another support prescribes 0 mm",
@@ -290,6 +392,61 @@ def test_values_are_read_only_where_they_are_prescribed():
 def test_impossible_supports_are_refused(supports, message):
     with pytest.raises(FeaError, match=message):
         prescribed_dofs(supports, 9)
+
+
+@pytest.fixture
+def unchecked(monkeypatch):
+    """Users' programs run without the checks of annotations that these tests run with."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+
+
+MASK = np.arange(9) < 2
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: Support(MASK, ALL, np.zeros(3)),
+            r"mask of shape \(9,\); .*np.flatnonzero\(mask\)",
+        ),
+        (
+            lambda: Support(np.array([1.0]), ALL, np.zeros(3)),
+            r"float64 of shape \(1,\); give integers",
+        ),
+        (
+            lambda: Support(np.array([[1, 2, 3]]), ALL, np.zeros(3)),
+            "in one row, as mesh.nodes_where",
+        ),
+        (lambda: Support([0], [0, 2], np.zeros(3)), "three truth values, for x, y and z"),
+        (lambda: Support([0], [1, 1, 0], np.zeros(3)), "three truth values"),
+        (lambda: Support([0], ALL, np.zeros(3, np.float32)), "of a support are float32, single"),
+        (lambda: Support([0], ALL, [None, 1.0, 1.0]), "object, which is no real number"),
+        (
+            lambda: Support([0], ALL, np.zeros((2, 3))),
+            r"shape \(2, 3\); give x, y, z once, or in 1 ",
+        ),
+        (lambda: Support([0], ALL, [[0, 0, 0], [0, 0]]), "rows of equal length"),
+    ],
+)
+def test_supports_that_would_be_misread_are_refused(make, message, unchecked):
+    with pytest.raises(FeaError, match=message):
+        make()
+
+
+def test_a_mask_beside_numbers_holds_what_it_says_once_it_is_made_numbers(unchecked):
+    """Concatenated with numbers, a mask would clamp nodes 0 and 1, whatever it chooses."""
+    mask = np.arange(9) > 6
+    supports = [Support([3], ALL, [0, 0, 1]), Support(np.flatnonzero(mask), ALL, np.zeros(3))]
+    fixed, value = prescribed_dofs(supports, 9)
+    np.testing.assert_array_equal(np.flatnonzero(fixed.all(axis=1)), [3, 7, 8])
+    assert value[3, 2] == 1.0
+    assert value.dtype == np.float64
+
+
+def test_unsigned_node_numbers_stay_integers(unchecked):
+    supports = [Support(np.array([2], np.uint64), ALL, np.zeros(3)), Support.clamp(np.array([1]))]
+    np.testing.assert_array_equal(prescribed_dofs(supports, 3)[0][:, 0], [False, True, True])
 
 
 def test_no_supports_prescribe_nothing():
@@ -314,11 +471,17 @@ def test_impossible_load_cases_are_refused():
     fixed = np.zeros((4, 3), dtype=bool)
     fixed[:2] = True
     forces = np.zeros((3, 4, 3))
-    forces[0, 3, 1] = 1.0
+    forces[:, 3, 1] = 1.0
     check_loads(fixed, forces)
-    forces[2, 1, 1] = 5.0
-    with pytest.raises(FeaError, match=r"Load case 2 .* acts only where the structure is held"):
+    forces[2] = 0
+    with pytest.raises(FeaError, match=r"Load case 2 \(from 0\) is zero, so there is nothing"):
         check_loads(fixed, forces)
+    check_loads(fixed, forces, moved=True)
+    forces[2, 0, 1], forces[2, 1, 1] = 0.5, 5.0
+    with pytest.raises(FeaError, match=r"Load case 2 .* held, so nothing .* on node 1\);"):
+        check_loads(fixed, forces)
+    with pytest.raises(FeaError, match=r"on node 1 at \(3, 4, 5\) mm\);"):
+        check_loads(fixed, forces, points=np.arange(12.0).reshape(4, 3))
     check_loads(fixed, forces, moved=True)
     forces[1, 3, 0] = np.nan
     with pytest.raises(FeaError, match=r"Load case 1 .* not a number, nan at node 3"):
@@ -327,3 +490,25 @@ def test_impossible_load_cases_are_refused():
         check_loads(fixed, np.zeros((1, 4, 3), np.float32))
     with pytest.raises(FeaError, match=r"give one of shape \(4, 3\)"):
         check_loads(fixed, np.zeros((1, 5, 3)))
+    with pytest.raises(FeaError, match=r"give one of shape \(4, 3\)"):
+        check_loads(fixed, np.zeros((4, 3)))
+
+
+def test_forces_and_moments_of_a_frame_are_judged_apart():
+    """N and N mm do not add up: a moment of 1e12 N mm is no reason to overlook a newton."""
+    fixed = np.zeros((3, 6), dtype=bool)
+    fixed[0] = True
+    force, moment = np.zeros((2, 1, 3, 6))
+    force[0, 2, 1], force[0, 0, 4] = 1.0, 1e12
+    moment[0, 2, 5], moment[0, 0, 0] = 1.0, 1e12
+    for loads in (force, moment):
+        check_loads(fixed, loads)
+        np.testing.assert_array_equal(load_on_supports(fixed, loads), 1.0)  # the larger share
+    # Negative controls: what acts elsewhere taken away, in part (rounding) or whole.
+    force[0, 2, 1] = moment[0, 2, 5] = 0.0
+    force[0, 2, 4] = moment[0, 2, 0] = 1e-3
+    for loads in (force, moment):
+        with pytest.raises(FeaError, match="acts only where the structure is held"):
+            check_loads(fixed, loads)
+    force[0, 2, 4] = 3e12
+    np.testing.assert_allclose(load_on_supports(fixed, force), 0.25)

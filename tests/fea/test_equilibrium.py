@@ -11,6 +11,7 @@ from fea import (
     FeaError,
     FrameProblem,
     Material,
+    Sequence,
     SolidProblem,
     Support,
     TetMesh,
@@ -240,12 +241,53 @@ def test_p_norm_lies_between_mean_and_maximum_and_is_smooth_at_zero():
     assert np.isnan(p_norm(values.at[1].set(jnp.nan), weights, p=8.0))
 
 
-def test_traction_and_compliance_of_a_frame_with_a_previous_solution_agree():
+@pytest.mark.parametrize("solver", ["superlu", "amg", "jax-cg"])
+def test_a_sequence_of_gradients_takes_the_factor_along(solver):
+    """Steps of an optimiser: each as good as one that starts afresh."""
+    problem, steps = frame(), Sequence()
+
+    def value(radii, sequence):
+        u = displacement(problem, solver=solver, sequence=sequence, radii=radii)
+        return u[0, 4, 2] ** 2 + u[1, 3, 0]
+
+    for factor in (1.0, 1.1, 0.9):
+        radii = jnp.asarray(factor * problem.radii)
+        along = jax.grad(value)(radii, steps)
+        alone = jax.grad(value)(radii, Sequence())
+        np.testing.assert_allclose(along, alone, rtol=1e-6, atol=1e-6 * np.abs(alone).max())
+    assert steps.last is not None
+    np.testing.assert_array_equal(steps.last.problem.parameters["radii"], radii)
+
+
+def test_a_failed_step_is_no_start_for_the_next():
+    problem, steps = frame(), Sequence()
+    displacement(problem, sequence=steps)
+    with pytest.raises(FeaError):
+        displacement(problem, sequence=steps, radii=jnp.zeros_like(problem.radii))
+    assert steps.last is None
+    np.testing.assert_allclose(
+        displacement(problem, sequence=steps), solve_frame(problem).displacement, rtol=1e-12
+    )
+
+
+def test_another_solver_than_that_of_the_previous_solution_is_refused():
     problem = frame()
-    first = solve_frame(problem)
-    thicker = problem.with_parameters({"radii": 1.1 * problem.radii})
-    u = displacement(thicker, previous=first, radii=jnp.asarray(thicker.radii))
-    np.testing.assert_allclose(u, solve_frame(thicker).displacement, rtol=1e-8, atol=1e-12)
+    with pytest.raises(FeaError, match='by "superlu", not by "amg"'):
+        solve_frame(problem, previous=solve_frame(problem, solver="superlu"), solver="amg")
+
+
+def test_rows_of_a_jacobian_are_refused_with_the_remedy():
+    problem = frame()
+    with pytest.raises(FeaError, match=r"jax\.grad"):
+        jax.jacrev(lambda r: displacement(problem, radii=r)[0, 3])(jnp.asarray(problem.radii))
+
+
+def test_single_precision_is_refused_wherever_it_enters():
+    problem = frame()
+    for name in ("joints", "radii", "forces", "value"):
+        single = {name: np.asarray(getattr(problem, name), np.float32)}
+        with pytest.raises(FeaError, match=f'"{name}" are float32'):
+            solve_frame(replace(problem, **single))
 
 
 def test_mean_displacement_is_the_work_of_a_unit_force():

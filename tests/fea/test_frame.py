@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from fea.adjoint import compliance_gradient, displacement
 from fea.beam import beam_stiffnesses, effective_radius
-from fea.equilibrium import compliance_gradient, displacement
 from fea.errors import FeaError
 from fea.frame import FrameProblem, free_frame_motion, solve_frame
 from fea.sections import Round, Square

@@ -6,7 +6,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from fea import FeaError, SolveResult, Support, TetMesh, factorise, material, rigid_body_modes
 from fea.equilibrium import Assembled
-from fea.linear_solve import ElementOperator, SingularStiffness, amg, cg_jax, choice, mkl_sparse
+from fea.linear_solve import ElementOperator, SingularStiffness, cg_jax, choice, mkl_sparse
 from fea.linear_solve.direct_pardiso import is_installed
 from fea.solid import SolidProblem
 
@@ -93,7 +93,7 @@ def test_every_solver_finds_the_solution(system, solver):
     solution = factor.solve(K @ expected)
     assert factor.name == solver
     assert solution.result is SolveResult.CONVERGED
-    assert solution.residual <= 1.1e-10
+    assert solution.residual <= 1e-10
     # Condition number 1e5 times the residual.
     np.testing.assert_allclose(solution.x, expected, atol=1e-5)
     one = factor.solve(K @ expected[:, 0])
@@ -135,24 +135,6 @@ def test_two_factors_do_not_disturb_each_other(system, solver):
     np.testing.assert_allclose(3 * two.solve(b).x, before, atol=1e-7 * abs(before).max())
     two.free()
     np.testing.assert_array_equal(one.solve(b).x, before)
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_spent_factor_says_what_to_use_instead(system, solver):
-    K, modes = system
-    b = np.ones(K.shape[0])
-    old = factorise(K, near_null=modes, solver=solver)
-    new = old.update(K)
-    with pytest.raises(FeaError, match="use that one"):
-        old.solve(b)
-    with pytest.raises(FeaError, match="use that one"):
-        old.update(K)
-    old.free()  # does not touch what the new factor uses
-    new.solve(b)
-    new.free()
-    new.free()
-    with pytest.raises(FeaError, match="was freed; factorise"):
-        new.solve(b)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -212,19 +194,6 @@ def test_stiffness_that_is_not_a_number_is_refused(solver):
         factorise(K, solver=solver)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_loads_that_are_not_numbers_are_a_result(system, solver):
-    K, modes = system
-    b = np.ones(K.shape[0])
-    b[7] = np.inf
-    factor = factorise(K, near_null=modes, solver=solver)
-    solution = factor.solve(b, throw=False)
-    assert solution.result is SolveResult.NOT_FINITE
-    assert np.isnan(solution.x).all()
-    with pytest.raises(FeaError, match="NaN"):
-        factor.solve(b)
-
-
 def test_single_precision_and_wrong_sizes_are_refused(system):
     K, modes = system
     with pytest.raises(FeaError, match="stiffness matrix are float32"):
@@ -232,7 +201,7 @@ def test_single_precision_and_wrong_sizes_are_refused(system):
     factor = factorise(K, near_null=modes)
     with pytest.raises(FeaError, match="Loads are float32"):
         factor.solve(np.ones(K.shape[0], np.float32))
-    with pytest.raises(FeaError, match="has 3 rows"):
+    with pytest.raises(FeaError, match="shape \\(3,\\)"):
         factor.solve(np.ones(3))
     with pytest.raises(FeaError, match="factorise it afresh"):
         factor.update(bsr_array(np.eye(6), blocksize=(3, 3)))
@@ -282,19 +251,6 @@ def test_multigrid_leaves_the_global_generator_alone(system):
 
 
 @pytest.mark.parametrize("solver", ITERATIVE)
-def test_failure_is_a_result_when_not_thrown(system, solver, monkeypatch):
-    K, modes = system
-    monkeypatch.setattr({"amg": amg, "jax-cg": cg_jax}[solver], "MAX_ITERATIONS", 2)
-    factor = factorise(K, near_null=modes, solver=solver)
-    b = np.random.default_rng(4).normal(size=K.shape[0])
-    solution = factor.solve(b, throw=False)
-    assert solution.result is SolveResult.NOT_CONVERGED
-    assert solution.iterations == 2
-    with pytest.raises(FeaError, match="did not converge"):
-        factor.solve(b)
-
-
-@pytest.mark.parametrize("solver", ITERATIVE)
 def test_an_indefinite_matrix_ends_as_singular(solver):
     """Entries that no stiffness has: the diagonal is positive, an eigenvalue is not."""
     K = csr_array(np.array([[1.0, 2.0], [2.0, 1.0]]))
@@ -322,7 +278,7 @@ def test_an_operator_that_is_never_assembled_is_solved_like_a_matrix(system):
     factor = factorise(operator, near_null=modes)
     assert factor.name == "jax-cg"
     solution = factor.solve(K @ x)
-    assert solution.residual <= 1.1e-10
+    assert solution.residual <= 1e-10
     np.testing.assert_allclose(solution.x, x, atol=1e-5)
 
 

@@ -1,3 +1,5 @@
+import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -47,6 +49,44 @@ def test_impossible_constants_are_refused(E, nu, density, yield_stress):
         Material(E, nu, density, yield_stress)
 
 
+@pytest.fixture
+def unchecked(monkeypatch):
+    """Users' programs run without the checks of annotations that these tests run with."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+
+
+@pytest.mark.parametrize("name", ["E", "nu", "density", "yield_stress"])
+def test_constants_in_single_precision_or_not_numbers_are_refused(name, unchecked):
+    constants = {"E": 1e3, "nu": 0.25, "density": 1e-9, "yield_stress": 10.0, "name": "resin"}
+    Material(**constants)
+    message = f'Material "resin": values of {name} are float32, single precision'
+    with pytest.raises(FeaError, match=message):
+        Material(**constants | {name: np.float32(constants[name])})
+    with pytest.raises(FeaError, match="float32"):
+        Material(**constants | {name: jnp.float32(constants[name])})
+    with pytest.raises(FeaError, match=f"values of {name} are .*no real number"):
+        Material(**constants | {name: "much"})
+    with pytest.raises(FeaError, match=rf"{name} has shape \(2,\); give one number"):
+        Material(**constants | {name: [constants[name]] * 2})
+
+
+def test_whole_numbers_are_constants_too(unchecked):
+    m = Material(E=1000, nu=0, density=0, yield_stress=np.int64(5))
+    assert [type(c) for c in (m.E, m.nu, m.density, m.yield_stress)] == [float] * 4
+    ply = Orthotropic(
+        E=[3, 2, 1], nu=[0, 0, 0], G=np.ones(3, int), density=1, axes=np.eye(3, dtype=int)
+    )
+    assert ply.E == (3.0, 2.0, 1.0)
+    for stiffness in (m.stiffness, ply.stiffness):
+        assert stiffness.dtype == np.float64
+    np.testing.assert_allclose(np.diag(ply.stiffness), [3, 2, 1, 1, 1, 1])
+
+
+def test_an_orthotropic_material_has_no_density_unless_it_is_given():
+    with pytest.raises(TypeError, match="density"):
+        Orthotropic(E=(1.0, 1.0, 1.0), nu=(0.0, 0.0, 0.0), G=(1.0, 1.0, 1.0))
+
+
 def test_stiffness_inverts_hookes_law_written_as_compliance():
     """Strains of unit stresses: 1/E, -nu/E, 1/G (Timoshenko and Goodier, section 7)."""
     m = Material(200e3, 0.3, 0.0)
@@ -58,7 +98,12 @@ def test_stiffness_inverts_hookes_law_written_as_compliance():
 # Orthotropic --------------------------------------------------------------------------------
 
 # Carbon fibres along x: T300/5208 (Tsai and Hahn 1980), with nu_yz and G_yz of a usual epoxy.
-PLY = {"E": (181e3, 10.3e3, 10.3e3), "nu": (0.4, 0.28, 0.28), "G": (3.7e3, 7.17e3, 7.17e3)}
+PLY = {
+    "E": (181e3, 10.3e3, 10.3e3),
+    "nu": (0.4, 0.28, 0.28),
+    "G": (3.7e3, 7.17e3, 7.17e3),
+    "density": 1.6e-9,
+}
 turns = st.tuples(*[st.floats(-3, 3, allow_nan=False)] * 3).map(
     lambda v: Rotation.from_rotvec(v).as_matrix()
 )
@@ -73,7 +118,7 @@ def strain_under(material, stress):
 @given(R=turns)
 def test_equal_constants_give_the_isotropic_stiffness_in_any_axes(R):
     iso = Material(210e3, 0.3, 0.0)
-    same = Orthotropic((210e3,) * 3, (0.3,) * 3, (iso.shear_modulus,) * 3, axes=R)
+    same = Orthotropic((210e3,) * 3, (0.3,) * 3, (iso.shear_modulus,) * 3, 0.0, axes=R)
     np.testing.assert_allclose(same.stiffness, iso.stiffness, atol=1e-9 * 210e3)
 
 
@@ -95,7 +140,7 @@ def test_tension_along_an_axis_gives_its_modulus_and_contractions(axis):
 
 @pytest.mark.parametrize("shear", range(3))
 def test_shear_in_a_plane_gives_its_modulus(shear):
-    ply = Orthotropic(E=(3.0, 2.0, 1.0), nu=(0.1, 0.2, 0.3), G=(0.5, 0.7, 0.9))
+    ply = Orthotropic(E=(3.0, 2.0, 1.0), nu=(0.1, 0.2, 0.3), G=(0.5, 0.7, 0.9), density=0.0)
     gamma = strain_under(ply, np.eye(6)[3 + shear])
     np.testing.assert_allclose(gamma[3 + shear], 1 / (0.5, 0.7, 0.9)[shear], rtol=1e-12)
 
@@ -158,12 +203,18 @@ def test_turning_the_axes_turns_the_stiffness_and_keeps_its_energy(R):
         ({"nu": (-0.95, 2.0, 2.0)}, None),
         ({"nu": (0.95, 2.0, 2.0)}, "too large together"),
         ({"axes": np.eye(3) * 1.01}, "unit vectors at right angles"),
-        ({"axes": np.eye(3, dtype=np.float32)}, "float32"),
+        ({"axes": np.eye(3, dtype=np.float32)}, 'Material "custom": values of axes are float32'),
+        ({"axes": np.eye(2)}, r"axes has shape \(2, 2\); give three rows of three"),
+        ({"axes": [[1.0, 0.0], [0.0]]}, "axes are not a rectangular array"),
+        ({"E": (1e3, 1e3)}, r"E has shape \(2,\); give three numbers"),
+        ({"nu": 0.3}, r"nu has shape \(\); give three numbers"),
+        ({"G": np.ones(3, np.float32)}, "values of G are float32"),
+        ({"E": (np.float32(1e3),) * 3}, "values of E are float32"),
         ({"density": -1.0}, "density"),
         ({"yield_stress": 0.0}, "yield"),
     ],
 )
-def test_impossible_orthotropic_constants_are_refused(change, message):
+def test_impossible_orthotropic_constants_are_refused(change, message, unchecked):
     if message is None:
         assert np.linalg.eigvalsh(Orthotropic(**PLY | change).stiffness)[0] > 0
         return
@@ -175,7 +226,7 @@ def test_impossible_orthotropic_constants_are_refused(change, message):
 @given(nu=st.tuples(*[st.floats(-1.2, 1.2)] * 3))
 def test_constants_are_accepted_exactly_where_every_load_does_work(nu):
     """Positive definite compliance, found here by its eigenvalues."""
-    constants = {"E": (3.0, 1.0, 2.0), "G": (1.0, 1.0, 1.0)}
+    constants = {"E": (3.0, 1.0, 2.0), "G": (1.0, 1.0, 1.0), "density": 0.0}
     (yz, xz, xy), (a, b, c) = nu, constants["E"]
     S = np.array([[1 / a, -xy / a, -xz / a], [-xy / a, 1 / b, -yz / b], [-xz / a, -yz / b, 1 / c]])
     if np.linalg.eigvalsh(S)[0] > 1e-9:

@@ -1,8 +1,10 @@
 """Solids as problems: what K is, what becomes of a rigid motion, and what is refused."""
 
+import copy
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -35,6 +37,14 @@ def block(element="tet10", *, curved=False, material=STEEL) -> SolidProblem:
         mesh = mesh.with_nodes(mesh.nodes + 0.02 * np.sin(7 * mesh.nodes[:, ::-1]))
     clamp = Support.clamp(np.flatnonzero(mesh.nodes[:, 0] < 0.1))
     return SolidProblem.from_supports(mesh, material, [clamp], rng.normal(size=mesh.nodes.shape))
+
+
+def forged(problem, **fields):
+    """A problem as it comes without the runtime checks of shapes that these tests switch on."""
+    other = copy.copy(problem)
+    for name, value in fields.items():
+        object.__setattr__(other, name, value)
+    return other
 
 
 def rigid(nodes, shift, turn):
@@ -94,7 +104,11 @@ def test_solving_without_a_matrix_gives_the_same():
         ({"forces": lambda p: np.full_like(p.forces, np.nan)}, "not a number"),
         ({"forces": lambda p: p.forces * p.fixed}, "acts only where the structure is held"),
         ({"fixed": lambda p: np.zeros_like(p.fixed)}, "add a support"),
-        ({"mesh": lambda p: TetMesh(0 * p.mesh.nodes, p.mesh.tets)}, "flat or inverted|volume"),
+        ({"mesh": lambda p: TetMesh(0 * p.mesh.nodes, p.mesh.tets)}, "flat or inverted"),
+        ({"modulus": lambda p: p.modulus[1:]}, "Relative moduli have shape"),
+        ({"modulus": lambda p: np.repeat(p.modulus, 3, axis=1)}, "one a cell, or"),
+        ({"forces": lambda p: p.forces[:, 1:]}, "Forces have shape"),
+        ({"value": lambda p: p.value[1:]}, '"value" has shape'),
         ({"value": lambda p: np.where(p.fixed, np.nan, 0.0)}, "not a number"),
     ],
 )
@@ -102,7 +116,7 @@ def test_impossible_solids_are_refused_by_name(change, message):
     problem = block()
     wrong = {name: make(problem) for name, make in change.items()}
     with pytest.raises(FeaError, match=message):
-        solve_solid(replace(problem, **wrong))
+        solve_solid(forged(problem, **wrong))
 
 
 def test_single_precision_jax_is_refused():
@@ -125,3 +139,31 @@ def test_a_hinge_is_named_with_its_axis():
     problem = SolidProblem.from_supports(mesh, STEEL, [clamp], forces)
     with pytest.raises(FeaError, match=r"turn about an axis along y"):
         solve_solid(problem)
+
+
+def test_whole_numbers_and_jax_arrays_are_as_good_as_floats():
+    problem = block()
+    forces = np.zeros(problem.forces.shape, int)
+    forces[0, -1, 2] = 3
+    wanted = solve_solid(replace(problem, forces=forces.astype(float))).displacement
+    for same in (forces, jnp.asarray(forces, float)):
+        found = solve_solid(forged(problem, forces=same)).displacement
+        np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("solver", ["auto", "amg", "jax-cg"])
+def test_a_solid_that_is_prescribed_everywhere_has_just_that_displacement(solver):
+    problem = block("tet4")
+    value = np.random.default_rng(1).normal(size=problem.value.shape)
+    whole = replace(problem, fixed=np.ones_like(problem.fixed), value=value)
+    np.testing.assert_array_equal(solve_solid(whole, solver=solver).displacement[0], value)
+
+
+def test_stress_of_another_mesh_is_refused():
+    """JAX by itself would take the last node for every number that is too large."""
+    problem, other = block("tet10"), block("tet4")
+    u = solve_solid(other).displacement
+    with pytest.raises(FeaError, match='"displacement" has shape'):
+        quadrature_stress(problem, u)
+    with pytest.raises(FeaError, match='"modulus" has shape'):
+        quadrature_stress(other, u, modulus=other.modulus[1:])

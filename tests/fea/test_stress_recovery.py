@@ -16,7 +16,7 @@ from fea import Material, SolidProblem, TetMesh, quadrature_stress, solve_solid
 from fea.elements import TRIANGLES, barycentric
 from fea.isoparametric import cell_points, facet_points
 from fea.quadrature import TETRAHEDRON_5, TRIANGLE_4
-from fea.stress_recovery import recovered_stress, split_between
+from fea.stress_recovery import recovered_stress
 from fea.voigt import tensor, vector
 
 MATERIAL = Material(E=1000.0, nu=0.3, density=0.0)
@@ -92,14 +92,16 @@ def mean_of_cells(mesh, at_quadrature):
 @given(seed=st.integers(0, 10**6))
 def test_linear_stress_is_recovered_exactly_at_every_node(mesh, seed):
     field = linear_field(seed)
-    stress = recovered_stress(mesh, in_cells(mesh, field))[0]
+    stress = recovered_stress(mesh, in_cells(mesh, field)).at_nodes[0]
     exact = field(mesh.nodes)
     np.testing.assert_allclose(stress, exact, atol=1e-10 * np.abs(exact).max())
 
 
 def test_quadratic_stress_is_recovered_exactly_at_the_corners_of_quadratic_cells():
     mesh = distorted(box((3, 3, 3)))
-    stress = recovered_stress(mesh, in_cells(mesh, lambda x: linear_field(1)(x) * x[:, :1]))[0]
+    stress = recovered_stress(
+        mesh, in_cells(mesh, lambda x: linear_field(1)(x) * x[:, :1])
+    ).at_nodes[0]
     exact = linear_field(1)(mesh.nodes) * mesh.nodes[:, :1]
     np.testing.assert_allclose(stress, exact, atol=1e-10)
 
@@ -114,7 +116,7 @@ def test_constant_stress_is_kept_by_bodies_of_one_cell(element):
     )
     each = np.arange(1.0, 13.0).reshape(2, 6)
     at_quadrature = np.repeat(each[:, None], len(one.element_type.quadrature.weights), axis=1)
-    stress = recovered_stress(mesh, at_quadrature[None])[0]
+    stress = recovered_stress(mesh, at_quadrature[None]).at_nodes[0]
     np.testing.assert_allclose(stress, np.repeat(each, len(one.nodes), axis=0), rtol=1e-12)
 
 
@@ -126,7 +128,7 @@ def test_patches_in_a_plane_give_no_gradient_across_it():
     )
     for mesh in (cube, level):
         at_quadrature = np.random.default_rng(0).normal(size=(1, len(mesh.tets), 1, 6))
-        stress = recovered_stress(mesh, at_quadrature)[0]
+        stress = recovered_stress(mesh, at_quadrature).at_nodes[0]
         own = at_quadrature[0, :, 0]
         assert (stress < own.max(axis=0) + 1e-12).all() and (stress > own.min(axis=0) - 1e-12).all()
 
@@ -139,7 +141,7 @@ def test_pure_bending_is_exact_at_the_nodes_of_quadratic_cells():
     u = np.stack([x * z, -nu * y * z, -(x**2 + nu * (z**2 - y**2)) / 2], axis=1) / R
     nothing = np.zeros_like(mesh.nodes)
     problem = SolidProblem.from_supports(mesh, MATERIAL, [], nothing)
-    stress = recovered_stress(mesh, np.asarray(quadrature_stress(problem, u[None])))[0]
+    stress = recovered_stress(mesh, np.asarray(quadrature_stress(problem, u[None]))).at_nodes[0]
     np.testing.assert_allclose(stress[:, 0], MATERIAL.E / R * z, atol=1e-12)
     np.testing.assert_allclose(stress[:, 1:], 0, atol=1e-12)
 
@@ -147,7 +149,7 @@ def test_pure_bending_is_exact_at_the_nodes_of_quadratic_cells():
 def test_nodes_of_no_cell_have_no_stress():
     mesh = box((1, 1, 1))
     loose = TetMesh(np.concatenate([mesh.nodes, [[9.0, 9.0, 9.0]]]), mesh.tets)
-    stress = recovered_stress(loose, in_cells(loose, linear_field(0)))[0]
+    stress = recovered_stress(loose, in_cells(loose, linear_field(0))).at_nodes[0]
     assert np.isnan(stress[-1]).all() and np.isfinite(stress[:-1]).all()
 
 
@@ -167,8 +169,10 @@ def test_stress_turns_with_the_body(element, seed, turn):
     def turned(stress):
         return vector(R @ tensor(stress) @ R.T)
 
-    there = recovered_stress(TetMesh(mesh.nodes @ R.T, mesh.tets), turned(at_quadrature))
-    np.testing.assert_allclose(there, turned(recovered_stress(mesh, at_quadrature)), atol=1e-9)
+    there = recovered_stress(TetMesh(mesh.nodes @ R.T, mesh.tets), turned(at_quadrature)).at_nodes
+    np.testing.assert_allclose(
+        there, turned(recovered_stress(mesh, at_quadrature).at_nodes), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("element", ["tet4", "tet10"])
@@ -178,39 +182,41 @@ def test_order_of_cells_and_scale_of_the_body_change_nothing(element):
     at_quadrature = rng.normal(
         size=(2, len(mesh.tets), len(mesh.element_type.quadrature.weights), 6)
     )
-    expected = recovered_stress(mesh, at_quadrature)
+    expected = recovered_stress(mesh, at_quadrature).at_nodes
     order = rng.permutation(len(mesh.tets))
-    shuffled = recovered_stress(TetMesh(mesh.nodes, mesh.tets[order]), at_quadrature[:, order])
+    shuffled = recovered_stress(
+        TetMesh(mesh.nodes, mesh.tets[order]), at_quadrature[:, order]
+    ).at_nodes
     np.testing.assert_allclose(shuffled, expected, atol=1e-9)
     far = TetMesh(1e-3 * mesh.nodes + 5.0, mesh.tets)
     # Coordinates of size 5 leave 12 digits of a patch of size 1e-3.
-    np.testing.assert_allclose(recovered_stress(far, at_quadrature), expected, atol=1e-8)
-    second = recovered_stress(mesh, at_quadrature[1:])
+    np.testing.assert_allclose(recovered_stress(far, at_quadrature).at_nodes, expected, atol=1e-8)
+    second = recovered_stress(mesh, at_quadrature[1:]).at_nodes
     np.testing.assert_allclose(second[0], expected[1], atol=1e-12)
 
 
 # Materials that meet -------------------------------------------------------------------------
 
 
-def test_stress_jumps_between_materials_on_a_mesh_split_between_them():
-    mesh = distorted(box((4, 4, 4), "tet4"))
+@pytest.mark.parametrize("element", ["tet4", "tet10"])
+def test_stress_jumps_between_groups_of_cells(element):
+    mesh = distorted(box((4, 4, 4), element))
     centre = mesh.nodes[mesh.tets].mean(axis=1)
     right = centre[:, 0] > 0.5
     left_field, right_field = linear_field(1), linear_field(2)
     at_quadrature = np.where(
         right[None, :, None, None], in_cells(mesh, right_field), in_cells(mesh, left_field)
     )
-    split, node = split_between(mesh, right.astype(int))
-    stress = recovered_stress(split, at_quadrature)[0]
-    on_right = np.zeros(len(split.nodes), dtype=bool)
-    on_right[split.tets[right]] = True
-    exact = np.where(on_right[:, None], right_field(split.nodes), left_field(split.nodes))
-    np.testing.assert_allclose(stress, exact, atol=1e-10)
-    np.testing.assert_array_equal(split.nodes, mesh.nodes[node])
-    np.testing.assert_array_equal(node[split.tets], mesh.tets)
-    # Without the split the jump is smeared over the nodes around it.
-    smooth = recovered_stress(mesh, at_quadrature)[0]
-    assert np.abs(smooth[node] - exact).max() > 0.1 * np.abs(exact).max()
+    recovered = recovered_stress(mesh, at_quadrature, groups=right.astype(int))
+    for side, field in ((right, right_field), (~right, left_field)):
+        stress = recovered.of_cells(side)[0]
+        here = np.isin(np.arange(len(mesh.nodes)), mesh.tets[side])
+        np.testing.assert_allclose(stress[here], field(mesh.nodes[here]), atol=1e-10)
+        assert np.isnan(stress[~here]).all()
+    # Without groups the jump is smeared over the nodes around it.
+    smooth = recovered_stress(mesh, at_quadrature).of_cells(right)[0]
+    there = np.unique(mesh.tets[right])
+    assert np.abs(smooth[there] - right_field(mesh.nodes[there])).max() > 0.1
 
 
 # Solutions -----------------------------------------------------------------------------------
@@ -280,7 +286,7 @@ def stress_error(mesh, stress):
 def test_recovery_is_far_closer_than_the_mean_of_the_cells(element, cells, energy, surface):
     """Lamé's sphere, whose stress is largest at the inner surface."""
     mesh, at_quadrature = sphere(cells, element)
-    ours = recovered_stress(mesh, at_quadrature)[0]
+    ours = recovered_stress(mesh, at_quadrature).at_nodes[0]
     mean = mean_of_cells(mesh, at_quadrature)[0]
     assert stress_error(mesh, ours) < energy * stress_error(mesh, mean)
     at = np.unique(mesh.boundary_facets)
@@ -302,7 +308,7 @@ def resultant(mesh, stress):
 def test_recovered_stress_tends_to_equilibrium(element, order):
     """No body force: the surface's tractions balance, with a higher order than the cells' 1 and 2."""
     share = [
-        resultant(mesh, recovered_stress(mesh, at_quadrature)[0])
+        resultant(mesh, recovered_stress(mesh, at_quadrature).at_nodes[0])
         for mesh, at_quadrature in (sphere(3, element), sphere(6, element))
     ]
     assert share[1] < 0.01

@@ -1,9 +1,12 @@
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fea import FeaError, TetMesh
+from fea.elements import TETRAHEDRON_EDGES
 from fea.isoparametric import facet_points
 from fea.quadrature import TRIANGLE_4
 from fea.tet_mesh import RIGHTED
@@ -261,3 +264,93 @@ def test_cells_listed_twice_are_refused():
     twice = TetMesh(mesh.nodes, np.concatenate([mesh.tets, mesh.tets[6:7]]))
     with pytest.raises(FeaError, match=r"Cells .*6.* all share one face, at .*: cells overlap"):
         twice.check()
+
+
+# Mid-edge nodes -----------------------------------------------------------------------------
+
+
+def torn(mesh, *, nodes=None):
+    """The same cells with mid-edge nodes of their own on the right of x = 2; corners are shared."""
+    right = mesh.nodes[mesh.tets[:, :4]].mean(axis=1)[:, 0] > 2
+    on_plane = np.flatnonzero(mesh.nodes[:, 0] == 2)
+    shared = np.setdiff1d(on_plane, mesh.tets[:, :4]) if nodes is None else nodes
+    number = np.arange(len(mesh.nodes))
+    number[shared] = len(mesh.nodes) + np.arange(len(shared))
+    tets = mesh.tets.copy()
+    tets[right] = number[tets[right]]
+    return TetMesh(np.concatenate([mesh.nodes, mesh.nodes[shared]]), tets), right, shared
+
+
+def test_cells_that_share_corners_but_not_the_node_between_are_refused():
+    whole = box("tet10")
+    mesh, right, shared = torn(whole)
+    assert len(shared) == 16  # Euler: 2 x 2 squares with a diagonal each have 16 edges
+    with pytest.raises(FeaError, match=r"16 edges have more than one mid-edge node"):
+        mesh.check()
+    # A single edge is found, and named.
+    node = shared[5]
+    mesh, right, _ = torn(whole, nodes=np.array([node]))
+    with pytest.raises(FeaError) as failure:
+        mesh.check()
+    message = str(failure.value)
+    cells, edges = np.nonzero(whole.tets[:, 4:] == node)
+    a, b = np.sort(whole.tets[cells[0], TETRAHEDRON_EDGES[edges[0]]])
+    x, y, z = (whole.nodes[a] + whole.nodes[b]) / 2
+    assert message.startswith("1 edges have more than one")
+    assert f"between nodes {a} and {b} at ({x:.6g}, {y:.6g}, {z:.6g}) mm" in message
+    found = re.search(r"has node (\d+) in cell (\d+) and node (\d+) in cell (\d+); merge", message)
+    one, in_one, two, in_two = (int(word) for word in found.groups())
+    assert {one, two} == {node, len(whole.nodes)}
+    assert one in mesh.tets[in_one, 4:] and two in mesh.tets[in_two, 4:]
+    assert right[in_one] != right[in_two]
+    # The remedy.
+    tets = np.where(mesh.tets == two, one, mesh.tets) if two > one else mesh.tets
+    tets = np.where(mesh.tets == one, two, mesh.tets) if two < one else tets
+    TetMesh(whole.nodes, tets).check()
+
+
+def test_cells_in_the_node_order_of_gmsh_are_refused():
+    whole = box("tet10")
+    gmsh = TetMesh(whole.nodes, whole.tets[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]])
+    with pytest.raises(FeaError) as failure:
+        gmsh.check()
+    message = str(failure.value)
+    assert "mid-edge nodes lie on more than one edge" in message
+    found = re.search(
+        r"node (\d+) at .* between nodes (\d+) and (\d+) in cell (\d+) and between nodes "
+        r"(\d+) and (\d+) in cell (\d+); list",
+        message,
+    )
+    node, a, b, one, c, d, two = (int(word) for word in found.groups())
+    assert {a, b} != {c, d}
+    for cell, ends in ((one, {a, b}), (two, {c, d})):
+        edge = list(gmsh.tets[cell, 4:]).index(node)
+        assert set(gmsh.tets[cell, TETRAHEDRON_EDGES[edge]]) == ends
+    TetMesh(whole.nodes, gmsh.tets[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]).check()
+
+
+def test_a_corner_on_a_neighbours_edge_is_refused():
+    """Two small cells against the edge of a large one: a hanging node."""
+    nodes = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [0, 0, 2], [1, 0, 0], [0, -2, 0]])
+    large = TetMesh(nodes[:4], np.array([[0, 1, 2, 3]])).to_tet10()
+    small = TetMesh(nodes[[0, 4, 3, 5]], np.array([[0, 1, 2, 3]])).to_tet10()
+    both = np.concatenate([large.nodes, small.nodes])
+    tets = np.concatenate([large.tets, small.tets + len(large.nodes)])
+    TetMesh(both, tets).check()  # apart
+    corner, middle = tets[1, 1], tets[0, 4]
+    np.testing.assert_array_equal(both[corner], both[middle])
+    hanging = TetMesh(both, np.where(tets == corner, middle, tets))
+    message = rf"1 nodes are corners .* node {middle} at \(1, 0, 0\) mm, is a corner of cell 1 and"
+    with pytest.raises(FeaError, match=message + r" between nodes 0 and 1 in cell 0"):
+        hanging.check()
+
+
+@settings(max_examples=15, derandomize=True, deadline=None)
+@given(cells=st.sets(st.integers(0, 71), min_size=1), seed=st.integers(0, 99))
+def test_mid_edge_nodes_of_any_cells_in_any_numbering_are_sound(cells, seed):
+    whole = box("tet10")
+    used, tets = np.unique(whole.tets[sorted(cells)], return_inverse=True)
+    turn = np.random.default_rng(seed).permutation(len(used))
+    nodes = np.zeros((len(used), 3))
+    nodes[turn] = whole.nodes[used]
+    TetMesh(nodes, turn[tets.reshape(-1, 10)]).check()

@@ -126,6 +126,7 @@ def test_an_orthotropic_bar_with_turned_axes_and_a_moved_end(element, tmp_path):
         E=(140e3, 10e3, 9e3),
         nu=(0.45, 0.3, 0.25),
         G=(3.2e3, 4.5e3, 5e3),
+        density=0.0,
         axes=Rotation.from_euler("zyx", [30, 20, 50], degrees=True).as_matrix(),
     )
     mesh = eye_bar(element)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fea import FeaError
-from fea.equilibrium import compliance_gradient
+from fea.adjoint import compliance_gradient
 from fea.frame import FrameSolution, solve_frame
 from texmap_opt.errors import AnalysisError, LatticeError, SizingError
 from texmap_opt.frame_model import FrameModel

@@ -212,7 +212,7 @@ def graded_exact(p: Points) -> Points:
 def graded_modulus(*, uniform: bool = False) -> dict[str, Measured]:
     """The modulus at quadrature points; `uniform` replaces it by its mean (a negative control)."""
     mesh = TetMesh.box((LENGTH, H, H), (4, 2, 2), origin=(0.0, -H / 2, -H / 2)).to_tet10()
-    x, _ = cell_points(mesh.nodes[mesh.tets], mesh.element_type.quadrature)
+    x = mesh.quadrature_points
     E = 1 / softness(x.reshape(-1, 3)).reshape(x.shape[:2])
     modulus = np.full_like(E, E.mean()) if uniform else E
     held = [((0, 0, 0), (True, True, True)), ((0, 5, 0), (True, False, True))]

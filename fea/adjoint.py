@@ -1,0 +1,151 @@
+"""Derivatives of anything made of displacements, by the adjoint method, for JAX and without it.
+
+With u the solution of K u = f and g(u) any scalar, the adjoint λ solves K λ = ∂g/∂u with all supports
+at zero, and
+
+    dg = λ.df - λ'(dK) u + (∂g/∂u - K λ).du_prescribed,
+
+(Haftka and Gürdal, Elements of Structural Optimization, 3rd ed., section 7.2), so one more solve with
+the factor that is there gives the derivative with respect to everything. Where ∂g/∂u is a multiple
+of the forces, as for compliance, λ is the same multiple of u and even that solve is saved.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from fea.equilibrium import AbstractProblem, AbstractSolution, on_host, times
+from fea.errors import FeaError
+
+ArrayLike = Array | np.ndarray
+
+
+def compliance_gradient(
+    solution: AbstractSolution, weights: Float[np.ndarray, " cases"] | None = None
+) -> dict[str, np.ndarray]:
+    """Derivatives of sum_c w_c (u.f)_c by each parameter, by `forces` and by `value`.
+
+    Args:
+        solution: the solved problem.
+        weights: of the load cases; ones by default.
+
+    Raises:
+        FeaError: when supports move and the factor for the further solve is gone.
+    """
+    w = np.ones(len(solution.displacement)) if weights is None else weights
+    load = w[:, None, None] * solution.problem.forces
+    gradient = _pulled_back(solution, load)
+    # u.f depends on the forces directly, too.
+    gradient["forces"] = gradient["forces"] + w[:, None, None] * solution.displacement
+    return gradient
+
+
+class Sequence:
+    """Remembers, on purpose, the last solution of a sequence of similar problems.
+
+    Each next one starts from it: symbolic factor or multigrid hierarchy are kept, the displacement
+    is the first guess of an iterative solver. Answers differ by the solver's residual only. For one
+    structure, and one `fea.displacement` in each evaluation of an objective: the factor serves
+    the backward pass until the next forward pass takes it over.
+
+    Attributes:
+        last: the last solution; None before the first, and after a failure.
+    """
+
+    def __init__(self):
+        self.last: AbstractSolution | None = None
+
+    def solved(self, problem: AbstractProblem, *, solver: str) -> AbstractSolution:
+        """The problem's solution, starting from the last one."""
+        previous, self.last = self.last, None
+        self.last = problem.solved(previous=previous, solver=solver)
+        return self.last
+
+
+def displacement(
+    problem: AbstractProblem,
+    *,
+    solver: str = "auto",
+    sequence: Sequence | None = None,
+    **parameters: ArrayLike,
+) -> Float[Array, "cases nodes block"]:
+    """Displacements of every load case, as a function that JAX differentiates.
+
+    `jax.grad` of any scalar made from them just works; its backward pass reuses the factor. The
+    linear solver runs on the host: call and differentiate this outside `jax.jit` and `jax.vmap`.
+    What else depends on a parameter, such as stress on `nodes`, must be given it too.
+
+    Args:
+        problem: gives all that is not replaced.
+        solver: see `fea.linear_solve.factorise`.
+        sequence: for an optimiser's steps; gives this solution a start, and the next one.
+        **parameters: values to use and to differentiate by: any of `problem.parameters`, `forces`
+            and `value`.
+
+    Raises:
+        FeaError: an unknown parameter, a call inside `jax.jit`, or what `equilibrium` raises.
+    """
+    known = {**problem.parameters, "forces": problem.forces, "value": problem.value}
+    for name, value in parameters.items():
+        if name not in known:
+            raise FeaError(
+                f'"{name}" is no parameter of this problem; choose from {", ".join(known)}.'
+            )
+        if np.shape(value) != np.shape(known[name]):
+            raise FeaError(
+                f'"{name}" has shape {np.shape(value)} here; this problem needs '
+                f"{np.shape(known[name])}."
+            )
+    values = {name: jnp.asarray(value) for name, value in parameters.items()}
+    return _displacement(problem, _Options(solver, sequence or Sequence()), values)
+
+
+@dataclass(frozen=True, eq=False)
+class _Options:
+    solver: str
+    sequence: Sequence
+
+
+@jax.tree_util.register_static
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """What the backward pass needs: nothing that JAX looks into."""
+
+    solution: AbstractSolution
+    names: tuple[str, ...]
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0, 1))
+def _displacement(problem: AbstractProblem, options: _Options, values: dict[str, Array]) -> Array:
+    return _forward(problem, options, values)[0]
+
+
+def _forward(problem: AbstractProblem, options: _Options, values: dict[str, Array]):
+    host = {name: on_host(name, value) for name, value in values.items()}
+    solution = options.sequence.solved(problem.with_parameters(host), solver=options.solver)
+    return jnp.asarray(solution.displacement), _Solved(solution, tuple(values))
+
+
+def _backward(problem: AbstractProblem, options: _Options, solved: _Solved, cotangent: Array):
+    gradient = _pulled_back(solved.solution, on_host("cotangent", cotangent))
+    return ({name: jnp.asarray(gradient[name]) for name in solved.names},)
+
+
+_displacement.defvjp(_forward, _backward)
+
+
+def _pulled_back(
+    solution: AbstractSolution, cotangent: Float[np.ndarray, "cases nodes block"]
+) -> dict[str, np.ndarray]:
+    """From ∂g/∂u to the derivatives of g by everything that u depends on."""
+    fixed = solution.problem.fixed
+    adjoint = solution.adjoint(np.where(fixed, 0.0, cotangent))
+    gradient = solution.problem.bilinear_gradient(-adjoint, solution.displacement)
+    gradient["forces"] = adjoint
+    support = cotangent - times(solution.system.K, adjoint)
+    gradient["value"] = np.where(fixed, support, 0.0).sum(axis=0)
+    return gradient
