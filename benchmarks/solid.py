@@ -25,7 +25,7 @@ PACKAGES = (
     "torch-fem",
 )  # fmt: skip
 
-# Meshes by target edge as a share of the box's diagonal: 212k dofs, a million dofs, and tet10 of about as
+# Meshes by target edge as a share of the box's diagonal: 212k dofs, 1.4 million dofs, and tet10 of about as
 # many dofs as the first.
 TET4, LARGE, TET10 = (0.01, "tet4"), (0.0052, "tet4"), (0.02, "tet10")
 

@@ -1,5 +1,6 @@
 """Sizing of strut radii: least compliance at a given volume."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import fea
 from fea.frame import free_frame_motion
-from texmap_opt.errors import SizingError
+from texmap_opt.errors import AnalysisError, SizingError
 from texmap_opt.frame_model import FrameModel
 from texmap_opt.sizing.mma import MovingAsymptotes
 from texmap_opt.sizing.no_sizing import NoSizing
@@ -221,5 +222,10 @@ def test_a_volume_out_of_reach_is_refused_with_the_range(method, limits, message
 
 @pytest.mark.parametrize("method", METHODS)
 def test_loads_that_do_no_work_are_refused(method):
+    """Supports that move and nothing else: compliance, the work of loads, is zero."""
+    model = cantilever(forces=((0.0, 0.0, 0.0),))
+    moved = replace(model, value=np.where(model.fixed, 0.1, 0.0))
     with pytest.raises(SizingError, match="no work"):
-        method.size(cantilever(forces=((0.0, 0.0, 0.0),)), SizingLimits())
+        method.size(moved, SizingLimits())
+    with pytest.raises(AnalysisError, match=r"Load case 0 .* is zero"):
+        method.size(model, SizingLimits())
