@@ -7,6 +7,7 @@ residual, with K assembled by `fea`, computed after the clock has stopped and pe
 import argparse
 import json
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -94,13 +95,7 @@ def fea_solve(path: Path, rtol: float) -> dict[str, Any]:
             solution.reaction  # noqa: B018
         return solution
 
-    # By the solver that large problems get.
-    compiling = _compiling(lambda: whole(warm_up(path), "amg"))
-    clock.clear()
-    before = peak_memory_gb()
-    with clock.stage("total"):
-        solution = whole(path)
-    row = _row(clock, before, compiling_s=compiling, iterations=solution.iterations)
+    solution, row = _timed(clock, path, whole)
     return row | accuracy(path, solution.displacement[0])
 
 
@@ -176,12 +171,7 @@ def fea_whole(path: Path, rtol: float) -> dict[str, Any]:
             solution.reaction  # noqa: B018
         return solution
 
-    compiling = _compiling(lambda: whole(warm_up(path), "amg"))
-    clock.clear()
-    before = peak_memory_gb()
-    with clock.stage("total"):
-        solution = whole(path)
-    row = _row(clock, before, compiling_s=compiling, iterations=solution.iterations)
+    solution, row = _timed(clock, path, whole)
     problem = solution.problem
     return row | {
         "residual": residual(solution.system.K, solution.displacement[0], problem),
@@ -244,6 +234,16 @@ def fea_gradients(path: Path, rtol: float) -> dict[str, Any]:
         euler_error_stress=abs(float((slopes[2] * problem.forces).sum() / value) - 1),
         stress_norm_mpa=float(value),
     )
+
+
+def _timed(clock: Stopwatch, path: Path, whole: Callable[..., Any]) -> tuple[Any, dict[str, Any]]:
+    """Solution and row of a whole run, compiled before by the solver that large problems get."""
+    compiling = _compiling(lambda: whole(warm_up(path), "amg"))
+    clock.clear()
+    before = peak_memory_gb()
+    with clock.stage("total"):
+        solution = whole(path)
+    return solution, _row(clock, before, compiling_s=compiling, iterations=solution.iterations)
 
 
 def _row(clock: Stopwatch, before: float, **more: Any) -> dict[str, Any]:

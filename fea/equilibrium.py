@@ -22,7 +22,7 @@ from fea.linear_solve import Factor, factorise
 from fea.linear_solve.element_operator import MATRIX_FREE, ElementOperator
 from fea.linear_solve.interface import Matrix, SingularStiffness
 from fea.mechanisms import describe_mode
-from fea.precision import refuse_single_precision, require_x64
+from fea.precision import as_float64, require_x64
 from fea.rigid_motion import rigid_body_modes
 
 ArrayLike = Array | np.ndarray
@@ -320,12 +320,11 @@ def _checked(problem: Problem) -> Problem:
     changed = {name: host[name] for name in host if host[name] is not given[name]}
     if changed:
         problem = cast(Problem, problem.with_parameters(changed))
-    nodes = len(problem.points)
-    shape = problem.fixed.shape
-    for name, found in (("fixed", shape[:1]), ("value", problem.value.shape)):
-        wanted = (nodes,) if name == "fixed" else shape
-        if found != wanted:
-            raise FeaError(f'"{name}" has shape {found}; {nodes} nodes need {wanted}.')
+    nodes, fixed = len(problem.points), problem.fixed.shape
+    if fixed[0] != nodes:
+        raise FeaError(f'"fixed" has shape {fixed}; {nodes} nodes need as many rows.')
+    if problem.value.shape != fixed:
+        raise FeaError(f'"value" has shape {problem.value.shape}; {nodes} nodes need {fixed}.')
     held = np.argwhere(problem.fixed & ~np.isfinite(problem.value))
     if len(held):
         raise FeaError(
@@ -385,12 +384,10 @@ def on_host(name: str, value: ArrayLike) -> np.ndarray:
         FeaError: when JAX is tracing it, or it is in single precision.
     """
     try:
-        host = np.asarray(value)
+        return as_float64(value, f'Values of "{name}"')
     except jax.errors.TracerArrayConversionError as failure:
         raise FeaError(
             f'"{name}" is being traced by JAX, but the solver runs on the host: give it to '
             "fea.displacement by name, and call that outside jax.jit, jax.vmap and jax.jacrev "
             "(take rows of a Jacobian by jax.grad)."
         ) from failure
-    refuse_single_precision(host, f'Values of "{name}"')
-    return host.astype(np.float64, copy=False)

@@ -21,7 +21,7 @@ from fea.assembly import Pattern, node_pairs
 from fea.beam import beam_end_forces, beam_stiffnesses, bilinear_gradient
 from fea.equilibrium import AbstractProblem, AbstractSolution, equilibrium
 from fea.errors import FeaError
-from fea.linear_solve.element_operator import ElementOperator
+from fea.linear_solve.element_operator import ElementOperator, masked_blocks
 from fea.rigid_motion import free_motion
 from fea.sections import AbstractSection
 
@@ -196,8 +196,7 @@ def _diagonal(struts: tuple[Array, ...]) -> Float[Array, "joints 6 6"]:
     K, ends, free = struts
     own = jnp.stack([K[:, :BLOCK, :BLOCK], K[:, BLOCK:, BLOCK:]], axis=1)
     blocks = jnp.zeros((len(free), BLOCK, BLOCK)).at[ends].add(own)
-    held = jnp.where(free[:, :, None] & free[:, None, :], blocks, 0.0)
-    return held + jnp.eye(BLOCK)[None] * jnp.where(free, 0.0, 1.0)[:, None, :]
+    return masked_blocks(blocks, free)
 
 
 def free_frame_motion(frame: FrameProblem) -> str | None:

@@ -27,7 +27,7 @@ from fea.elements import (
 from fea.equilibrium import AbstractProblem, AbstractSolution, equilibrium
 from fea.error_estimate import ErrorEstimate, estimate_error
 from fea.errors import FeaError
-from fea.linear_solve.element_operator import ElementOperator
+from fea.linear_solve.element_operator import ElementOperator, masked_blocks
 from fea.materials import AbstractMaterial
 from fea.mechanisms import free_body
 from fea.stress_recovery import RecoveredStress, recovered_stress
@@ -333,8 +333,7 @@ def _diagonal(cells: tuple[Array, ...]) -> Float[Array, "nodes 3 3"]:
     B = jnp.einsum("vij,cqnj->cqnvi", STRAIN, gradients)
     own = jnp.einsum("cq,cqnvi,vw,cqnwj->cnij", weight, B, C, B)
     blocks = jnp.zeros((len(free), 3, 3)).at[tets].add(own)
-    held = jnp.where(free[:, :, None] & free[:, None, :], blocks, 0.0)
-    return held + jnp.eye(3)[None] * jnp.where(free, 0.0, 1.0)[:, None, :]
+    return masked_blocks(blocks, free)
 
 
 @jax.jit

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.sparse import bsr_array, bsr_matrix, csr_array, issparse, sparray, spmatrix
 
 from fea.errors import FeaError
@@ -46,6 +46,14 @@ class ElementOperator(eqx.Module):
             return np.asarray(_product(self, jnp.asarray(x)))
         columns = [self @ np.ascontiguousarray(column) for column in x.T]
         return np.stack(columns, axis=1) if columns else x.copy()
+
+
+def masked_blocks(
+    blocks: Float[Array, "n block block"], free: Bool[Array, "n block"]
+) -> Float[Array, "n block block"]:
+    """Diagonal blocks of an operator whose fixed dofs act as identity and couple to nothing."""
+    held = jnp.where(free[:, :, None] & free[:, None, :], blocks, 0.0)
+    return held + jnp.eye(free.shape[1])[None] * jnp.where(free, 0.0, 1.0)[:, None, :]
 
 
 @eqx.filter_jit

@@ -11,6 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solid_cases.exact_fields import (
+    UNIT_MATERIAL,
+    manufactured,
+    manufactured_force,
+    manufactured_gradient,
+)
 
 from fea import FeaError, Material, SolidProblem, TetMesh, body_forces, solve_solid
 from fea.elements import barycentric
@@ -25,30 +31,16 @@ MATERIAL = Material(E=1000.0, nu=0.3, density=0.0)
 C = MATERIAL.stiffness
 
 
-def displacement(p):
-    x, y, z = p.T
-    return np.stack([np.sin(np.pi * x) / 10, y**2 * z / 2, x * np.log1p(y) / 5], axis=1)
-
-
 def exact_stress(p):
-    x, y, z = p.T
-    H = np.zeros((len(p), 3, 3))  # du_i/dx_j
-    H[:, 0, 0] = np.pi * np.cos(np.pi * x) / 10
-    H[:, 1, 1], H[:, 1, 2] = y * z, y**2 / 2
-    H[:, 2, 0], H[:, 2, 1] = np.log1p(y) / 5, x / (1 + y) / 5
+    H = manufactured_gradient(p)
     lam, mu = MATERIAL.lame
     volumetric = np.trace(H, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     return vector(lam * volumetric + mu * (H + H.swapaxes(1, 2)))
 
 
 def body_force(p):
-    """-(lambda + mu) grad div u - mu laplace u."""
-    lam, mu = MATERIAL.lame
-    x, y, z = p.T
-    first = -(np.pi**2) * np.sin(np.pi * x) / 10
-    grad_div = np.stack([first, z, y], axis=1)
-    laplace = np.stack([first, z, -x / (5 * (1 + y) ** 2)], axis=1)
-    return -(lam + mu) * grad_div - mu * laplace
+    """That of a modulus of one, for the same nu."""
+    return MATERIAL.E / UNIT_MATERIAL.E * manufactured_force(p)
 
 
 @cache
@@ -60,7 +52,7 @@ def solved(cells, element):
     fixed[mesh.boundary_facets] = True
     forces = body_forces(mesh, body_force)[None]
     ones = np.ones((len(mesh.tets), 1))
-    problem = SolidProblem(mesh, MATERIAL, fixed, displacement(mesh.nodes), forces, ones)
+    problem = SolidProblem(mesh, MATERIAL, fixed, manufactured(mesh.nodes), forces, ones)
     stress = solve_solid(problem).quadrature_stress
     return mesh, stress, recovered_stress(mesh, stress)
 
