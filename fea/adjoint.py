@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fea.equilibrium import AbstractProblem, AbstractSolution, on_host, times
+from fea.equilibrium import AbstractProblem, AbstractSolution, Assembled, on_host, times
 from fea.errors import FeaError
 
 ArrayLike = Array | np.ndarray
@@ -37,11 +37,10 @@ def compliance_gradient(
         FeaError: when supports move and the factor for the further solve is gone.
     """
     w = np.ones(len(solution.displacement)) if weights is None else weights
-    load = w[:, None, None] * solution.problem.forces
-    gradient = _pulled_back(solution, load)
-    # u.f depends on the forces directly, too.
-    gradient["forces"] = gradient["forces"] + w[:, None, None] * solution.displacement
-    return gradient
+    w = w[:, None, None]
+    gradient = _pulled_back(solution, w * solution.problem.loads)
+    # u.f depends on the loads directly, too.
+    return added(gradient, solution.problem.load_gradient(w * solution.displacement))
 
 
 class Sequence:
@@ -141,11 +140,25 @@ _displacement.defvjp(_forward, _backward)
 def _pulled_back(
     solution: AbstractSolution, cotangent: Float[np.ndarray, "cases nodes block"]
 ) -> dict[str, np.ndarray]:
-    """From ∂g/∂u to the derivatives of g by everything that u depends on."""
-    fixed = solution.problem.fixed
-    adjoint = solution.adjoint(np.where(fixed, 0.0, cotangent))
-    gradient = solution.problem.bilinear_gradient(-adjoint, solution.displacement)
-    gradient["forces"] = adjoint
-    support = cotangent - times(solution.system.K, adjoint)
-    gradient["value"] = np.where(fixed, support, 0.0).sum(axis=0)
+    """From ∂g/∂u to the derivatives of g by everything that u depends on.
+
+    With couplings, u = T q: what T changes of u works against what is not in balance without T,
+    which are the forces that the couplings exert.
+    """
+    problem, form = solution.problem, solution.system.form
+    u, K = solution.displacement, solution.system.K
+    adjoint = solution.adjoint(np.where(problem.fixed, 0.0, cotangent))
+    gradient = problem.bilinear_gradient(-adjoint, u)
+    gradient = added(gradient, problem.load_gradient(adjoint))
+    unbalanced = cotangent - times(K, adjoint)
+    if isinstance(form, Assembled) and form.transfer is not None:
+        exerted = problem.loads - times(K, u)
+        by_points = form.transfer.gradient(unbalanced, u) + form.transfer.gradient(exerted, adjoint)
+        gradient = added(gradient, {problem.positions: by_points})
+    gradient["value"] = np.where(problem.fixed, form.gathered(unbalanced), 0.0).sum(axis=0)
     return gradient
+
+
+def added(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The sum of two gradients; a name that one of them lacks counts as zero there."""
+    return a | {name: a[name] + b[name] if name in a else b[name] for name in b}

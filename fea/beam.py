@@ -1,16 +1,21 @@
-"""The straight 3-D Timoshenko beam: 12 x 12 stiffness in global axes, without a local frame.
+"""The straight 3-D Timoshenko beam with linear taper and rigid ends, in global axes.
 
 Sections bend equally in all directions, so the stiffness depends on the unit axis t only, through
 the projectors t tᵀ (along the strut) and 1 - t tᵀ (across it) and the cross product [t]x. There is
-no second axis to choose, hence no special case for vertical members and no branch. Each end has
-six degrees of freedom: displacement, then rotation. In the textbook's local axes this is
-Przemieniecki, Theory of Matrix Structural Analysis (1968), equation 5.116.
+no second axis to choose, hence no special case for vertical members and no branch. Each joint has
+six degrees of freedom: displacement, then rotation.
 
-A tapered strut is taken as prismatic with the geometric mean of its end radii. For a linear taper
-of area proportional to r² that is exact in extension: the integral of dx/(E A) is
-L/(E sqrt(A_a A_b)). In bending and torsion it is too stiff by (s + 1/s + 1)/3 with s the ratio of
-the end radii: 2.3 % at s = 1.3, 17 % at s = 2.
+The flexibility method makes the element exact for linear taper (Przemieniecki, Theory of Matrix
+Structural Analysis (1968), chapter 7): section forces follow from equilibrium, end deformations from
+them. With the section's size s linear from a to b, A ~ s² and I, J ~ s⁴, all integrals are rational,
+
+    ∫ ξ^i (1-ξ)^j / s^(i+j+2) dξ = i! j!/((i+j+1)! a^(j+1) b^(i+1)),
+
+so nothing is singular where a = b, and there the element is that of Przemieniecki's equation 5.116.
 """
+
+from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,123 +28,314 @@ from fea.sections import AbstractSection
 ArrayLike = Array | np.ndarray
 
 
-def effective_radius(radii: Float[ArrayLike, "struts 2"]) -> Float[Array, " struts"]:
-    """Radius of the prismatic strut that stands for a tapered one [mm]: the geometric mean."""
-    return jnp.sqrt(radii[:, 0] * radii[:, 1])
+class Strut(eqx.Module):
+    """One strut, or with a leading axis all struts of a frame.
+
+    Attributes:
+        ends: positions of its two joints [mm].
+        radii: section radius at both joints [mm], linear between.
+        rigid_ends: length at each end that does not deform [mm]: the zone of the joint.
+        modulus: its E (and G) over that of the material.
+    """
+
+    ends: Float[Array, "*struts 2 3"]
+    radii: Float[Array, "*struts 2"]
+    rigid_ends: Float[Array, "*struts 2"]
+    modulus: Float[Array, "*struts"]
 
 
-def cross_matrix(t: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """The matrix [t]x with [t]x v = t x v."""
-    zero = jnp.zeros_like(t[0])
-    return jnp.stack(
-        [
-            jnp.stack([zero, -t[2], t[1]]),
-            jnp.stack([t[2], zero, -t[0]]),
-            jnp.stack([-t[1], t[0], zero]),
-        ]
+class StrutMaterial(eqx.Module):
+    """What all struts of a frame have in common.
+
+    Attributes:
+        E: Young's modulus [MPa].
+        nu: Poisson's ratio.
+        section: shape of the sections.
+    """
+
+    E: float
+    nu: float
+    section: AbstractSection
+
+    @property
+    def G(self) -> float:
+        """Shear modulus [MPa]."""
+        return self.E / (2 * (1 + self.nu))
+
+
+class ElasticPart(eqx.Module):
+    """The part of a strut that deforms, between its rigid ends.
+
+    Attributes:
+        axis: unit vector from the first joint to the second.
+        span: distance of the joints [mm].
+        arms: from each joint to the elastic part along the strut [mm].
+        length: of the elastic part [mm].
+        radii: at its two ends [mm].
+    """
+
+    axis: Float[Array, "3"]
+    span: Float[Array, ""]
+    arms: Float[Array, "2"]
+    length: Float[Array, ""]
+    radii: Float[Array, "2"]
+
+
+def elastic_part(strut: Strut) -> ElasticPart:
+    """Where one strut deforms; the rigid ends share the taper of the strut."""
+    axis = strut.ends[1] - strut.ends[0]
+    span = jnp.sqrt(axis @ axis)
+    slope = (strut.radii[1] - strut.radii[0]) / span
+    return ElasticPart(
+        axis=axis / span,
+        span=span,
+        arms=strut.rigid_ends,
+        length=span - strut.rigid_ends[0] - strut.rigid_ends[1],
+        radii=strut.radii + slope * strut.rigid_ends * jnp.array([1.0, -1.0]),
     )
 
 
-def beam_stiffness(
-    ends: Float[Array, "2 3"],
-    radius: Float[Array, ""],
-    E: float,
-    nu: float,
-    section: AbstractSection,
-) -> Float[Array, "12 12"]:
-    """Stiffness of one strut in global axes [N/mm, N, N mm].
+class EndStiffness(eqx.Module):
+    """Stiffness of a beam with two ends in its own axes.
+
+    Attributes:
+        extension: axial force over extension [N/mm].
+        torsion: torque over twist [N mm].
+        sway: transverse force over relative transverse displacement [N/mm].
+        shear: transverse force at the first end by a unit rotation of each end [N].
+        near: moment at each end by its own unit rotation [N mm].
+        far: moment at an end by a unit rotation of the other [N mm].
+    """
+
+    extension: Float[Array, ""]
+    torsion: Float[Array, ""]
+    sway: Float[Array, ""]
+    shear: Float[Array, "2"]
+    near: Float[Array, "2"]
+    far: Float[Array, ""]
+
+
+class Bending(eqx.Module):
+    """Numbers without dimension of the elastic part in bending, in units of EI/length.
+
+    EI is that of the geometric mean of the sizes at the two ends.
+
+    Attributes:
+        mean: that geometric mean, squared [mm²].
+        ratio: size at each end over that at the other.
+        shear: flexibility in shear over that in bending, EI/(kappa GA length²).
+        scale: 1/12 for slender prismatic struts.
+    """
+
+    mean: Float[Array, ""]
+    ratio: Float[Array, "2"]
+    shear: Float[Array, ""]
+    scale: Float[Array, ""]
+
+    @property
+    def near(self) -> Float[Array, "2"]:
+        """Moment at each end by its own unit rotation."""
+        return (self.ratio / 3 + self.shear) / self.scale
+
+    @property
+    def far(self) -> Float[Array, ""]:
+        """Moment at an end by a unit rotation of the other."""
+        return (1 / 6 - self.shear) / self.scale
+
+
+def bending(part: ElasticPart, material: StrutMaterial) -> Bending:
+    """Inverse of the flexibility [[r_b/3 + η, 1/6 - η], [., r_a/3 + η]], r_a = a/b, r_b = b/a.
 
     Args:
-        ends: positions of its two ends [mm].
-        radius: radius of the prismatic strut [mm].
-        E: Young's modulus [MPa].
-        nu: Poisson's ratio.
-        section: shape of the section.
+        part: where the strut deforms.
+        material: of the struts.
+    """
+    section = material.section
+    s = section.size(part.radii)
+    mean = s[0] * s[1]
+    ratio = jnp.stack([s[0] / s[1], s[1] / s[0]])
+    # E/(kappa G); 1/kappa first, so that kappa may be infinite.
+    softness = 1 / section.kappa(material.nu) * material.E / material.G
+    slenderness = section.unit_second_moment / section.unit_area
+    eta = softness * slenderness * mean / part.length**2
+    return Bending(mean, ratio, eta, 1 / 12 + eta * (1 + ratio[0] + ratio[1]) / 3)
+
+
+def elastic_stiffness(
+    part: ElasticPart, modulus: Float[Array, ""], material: StrutMaterial
+) -> EndStiffness:
+    """Stiffness of the elastic part with respect to its own ends.
+
+    Args:
+        part: where the strut deforms.
+        modulus: relative modulus.
+        material: of the struts.
+    """
+    b, L, section = bending(part, material), part.length, material.section
+    EA = material.E * modulus * section.unit_area * b.mean
+    EI = material.E * modulus * section.unit_second_moment * b.mean**2
+    GJ = material.G * modulus * section.unit_torsion_constant * b.mean**2
+    spread = 1 + b.ratio[0] + b.ratio[1]
+    return EndStiffness(
+        extension=EA / L,
+        torsion=3 * GJ / (L * spread),
+        sway=EI / (b.scale * L**3) * spread / 3,
+        shear=EI / (b.scale * L**2) * (b.ratio / 3 + 1 / 6),
+        near=EI / L * b.near,
+        far=EI / L * b.far,
+    )
+
+
+def joint_stiffness(
+    part: ElasticPart, modulus: Float[Array, ""], material: StrutMaterial
+) -> EndStiffness:
+    """Stiffness of a strut with respect to its joints.
+
+    The ends of the elastic part move with the joints, u_end = u_joint + θ x arm. All terms that the
+    arms add are positive, so none cancels.
+
+    Args:
+        part: where the strut deforms.
+        modulus: relative modulus.
+        material: of the struts.
+    """
+    k, d = elastic_stiffness(part, modulus, material), part.arms
+    return EndStiffness(
+        extension=k.extension,
+        torsion=k.torsion,
+        sway=k.sway,
+        shear=k.shear + d * k.sway,
+        near=k.near + 2 * d * k.shear + d**2 * k.sway,
+        far=k.far + d[0] * k.shear[1] + d[1] * k.shear[0] + d[0] * d[1] * k.sway,
+    )
+
+
+def cross_matrix(t: Float[Array, "*many 3"]) -> Float[Array, "*many 3 3"]:
+    """The matrices [t]x with [t]x v = t x v."""
+    x, y, z = t[..., 0], t[..., 1], t[..., 2]
+    zero = jnp.zeros_like(x)
+    rows = [(zero, -z, y), (z, zero, -x), (-y, x, zero)]
+    return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+class _Blocks(NamedTuple):
+    """What the stiffness of a strut with joints a, b is made of, 3 x 3 each.
+
+    Attributes:
+        U: force at a by a displacement of a.
+        Wa, Wb: force at a by a rotation of a, of b; antisymmetric.
+        Na, Nb: moment at a, b by its own rotation.
+        F: moment at a by a rotation of b.
+    """
+
+    U: Float[Array, "3 3"]
+    Wa: Float[Array, "3 3"]
+    Wb: Float[Array, "3 3"]
+    Na: Float[Array, "3 3"]
+    Nb: Float[Array, "3 3"]
+    F: Float[Array, "3 3"]
+
+
+def _blocks(strut: Strut, material: StrutMaterial) -> _Blocks:
+    part = elastic_part(strut)
+    k = joint_stiffness(part, strut.modulus, material)
+    along = jnp.outer(part.axis, part.axis)
+    across = jnp.eye(3) - along
+    cross = cross_matrix(part.axis)
+    return _Blocks(
+        U=k.extension * along + k.sway * across,
+        Wa=-k.shear[0] * cross,
+        Wb=-k.shear[1] * cross,
+        Na=k.torsion * along + k.near[0] * across,
+        Nb=k.torsion * along + k.near[1] * across,
+        F=-k.torsion * along + k.far * across,
+    )
+
+
+def beam_stiffness(strut: Strut, material: StrutMaterial) -> Float[Array, "12 12"]:
+    """Stiffness of one strut in global axes, with respect to its joints [N/mm, N, N mm].
+
+    Args:
+        strut: a single strut, without leading axis.
+        material: of the struts.
 
     Returns:
-        Rows and columns: displacement and rotation of the first end, then of the second.
+        Rows and columns: displacement and rotation of the first joint, then of the second.
     """
-    axis = ends[1] - ends[0]
-    L = jnp.sqrt(axis @ axis)
-    t = axis / L
-    G = E / (2 * (1 + nu))
-    A, I = section.area(radius), section.second_moment(radius)
-    # Shear flexibility over bending flexibility; 1/kappa first, so that kappa may be infinite.
-    phi = 1 / section.kappa(nu) * 12 * E * I / (G * A * L**2)
-    bend = E * I / ((1 + phi) * L)
-    along = jnp.outer(t, t)
-    across = jnp.eye(3) - along
-    torsion = G * section.torsion_constant(radius) / L * along
-
-    U = E * A / L * along + 12 * bend / L**2 * across
-    # Force at the first end by a unit rotation of either end.
-    W = -6 * bend / L * cross_matrix(t)
-    near = torsion + (4 + phi) * bend * across
-    far = -torsion + (2 - phi) * bend * across
+    U, Wa, Wb, Na, Nb, F = _blocks(strut, material)
     return jnp.block(
         [
-            [U, W, -U, W],
-            [W.T, near, -W.T, far],
-            [-U, -W, U, -W],
-            [W.T, far, -W.T, near],
+            [U, Wa, -U, Wb],
+            [Wa.T, Na, -Wa.T, F],
+            [-U, -Wa, U, -Wb],
+            [Wb.T, F, -Wb.T, Nb],
         ]
     )
 
 
 @eqx.filter_jit
-def beam_stiffnesses(
-    joints: Float[ArrayLike, "joints 3"],
-    struts: Int[ArrayLike, "struts 2"],
-    radii: Float[ArrayLike, "struts 2"],
-    E: float,
-    nu: float,
-    section: AbstractSection,
-) -> Float[Array, "struts 12 12"]:
-    """Stiffness of every strut of a frame, tapered struts by `effective_radius`."""
-    return jax.vmap(lambda ends, radius: beam_stiffness(ends, radius, E, nu, section))(
-        jnp.asarray(joints)[struts], effective_radius(radii)
-    )
+def beam_stiffnesses(struts: Strut, material: StrutMaterial) -> Float[Array, "struts 12 12"]:
+    """`beam_stiffness` of every strut."""
+    return jax.vmap(lambda strut: beam_stiffness(strut, material))(struts)
+
+
+# Not equinox's jit: its result comes in a tuple, for which XLA makes a copy of all blocks.
+@partial(jax.jit, static_argnames="material")
+def beam_pairs(struts: Strut, material: StrutMaterial) -> Float[Array, "struts 3 6 6"]:
+    """Blocks (a, a), (b, b), (a, b) of the stiffness of every strut with joints a, b.
+
+    The order is that of `fea.assembly.node_pairs(2)`; the block (b, a) is the transpose of (a, b).
+    """
+
+    def pairs(strut: Strut) -> Float[Array, "3 6 6"]:
+        U, Wa, Wb, Na, Nb, F = _blocks(strut, material)
+        # Waᵀ = -Wa; as transposes they would be kept in memory for all struts.
+        own_a, own_b = jnp.block([[U, Wa], [-Wa, Na]]), jnp.block([[U, -Wb], [Wb, Nb]])
+        return jnp.stack([own_a, own_b, jnp.block([[-U, Wb], [Wa, F]])])
+
+    return jax.vmap(pairs)(struts)
 
 
 def strut_displacements(
     displacement: Float[ArrayLike, "cases joints 6"], struts: Int[ArrayLike, "struts 2"]
 ) -> Float[Array, "cases struts 12"]:
-    """The twelve displacements of each strut's ends, in the order of its stiffness."""
+    """The twelve displacements of each strut's joints, in the order of its stiffness."""
     return jnp.asarray(displacement)[:, struts].reshape(len(displacement), len(struts), 12)
+
+
+def beam_forces(strut: Strut, material: StrutMaterial, u: Float[Array, "12"]) -> Float[Array, "12"]:
+    """K u of one strut without forming K.
+
+    Args:
+        strut: a single strut.
+        material: of the struts.
+        u: displacements and rotations of its joints.
+
+    Returns:
+        Forces [N] and moments [N mm] that the joints exert on the strut, global axes.
+    """
+    part = elastic_part(strut)
+    k, t = joint_stiffness(part, strut.modulus, material), part.axis
+    ua, ra, ub, rb = u.reshape(4, 3)
+
+    def split(v: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        along = (t @ v) * t
+        return along, v - along
+
+    (stretch, sway), (twist, _) = split(ua - ub), split(ra - rb)
+    across_a, across_b = split(ra)[1], split(rb)[1]
+    turned = k.shear[0] * ra + k.shear[1] * rb
+    force = k.extension * stretch + k.sway * sway - jnp.cross(t, turned)
+    lever = jnp.cross(t, sway)
+    ma = k.torsion * twist + k.shear[0] * lever + k.near[0] * across_a + k.far * across_b
+    mb = -k.torsion * twist + k.shear[1] * lever + k.far * across_a + k.near[1] * across_b
+    return jnp.concatenate([force, ma, -force, mb])
 
 
 @eqx.filter_jit
 def beam_end_forces(
-    stiffness: Float[Array, "struts 12 12"],
-    displacement: Float[ArrayLike, "cases joints 6"],
-    struts: Int[ArrayLike, "struts 2"],
+    struts: Strut, material: StrutMaterial, u: Float[Array, "cases struts 12"]
 ) -> Float[Array, "cases struts 12"]:
-    """Forces [N] and moments [N mm] that the joints exert on each strut's ends, global axes."""
-    u = strut_displacements(displacement, struts)
-    return jnp.einsum("sij,csj->csi", stiffness, u)  # strut, dof, case
-
-
-@eqx.filter_jit
-def bilinear_gradient(
-    joints: Float[ArrayLike, "joints 3"],
-    radii: Float[ArrayLike, "struts 2"],
-    struts: Int[ArrayLike, "struts 2"],
-    fields: tuple[Float[ArrayLike, "cases joints 6"], Float[ArrayLike, "cases joints 6"]],
-    material: tuple[float, float, AbstractSection],
-) -> tuple[Float[Array, "joints 3"], Float[Array, "struts 2"]]:
-    """Gradient of sum_c v_c' K u_c with respect to joints and radii, u and v held.
-
-    Args:
-        joints: positions [mm].
-        radii: radius at both ends [mm].
-        struts: joints of each strut.
-        fields: v and u.
-        material: E [MPa], nu, section.
-    """
-    v, u = (strut_displacements(field, struts) for field in fields)
-
-    def value(joints: Float[Array, "joints 3"], radii: Float[Array, "struts 2"]):
-        K = beam_stiffnesses(joints, struts, radii, *material)
-        return jnp.einsum("csi,sij,csj->", v, K, u)  # case, strut, dof
-
-    return jax.grad(value, argnums=(0, 1))(jnp.asarray(joints), jnp.asarray(radii))
+    """`beam_forces` of every strut under the displacements of its joints."""
+    one_case = jax.vmap(lambda strut, u: beam_forces(strut, material, u))
+    return jax.vmap(lambda u: one_case(struts, u))(u)

@@ -6,7 +6,7 @@ its forces. `fea.adjoint` differentiates its solution.
 
 import abc
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -17,13 +17,16 @@ from scipy.sparse import bsr_array
 
 from fea.assembly import Pattern, Reduced
 from fea.boundary_conditions import check_loads, load_on_supports
-from fea.errors import FeaError
+from fea.couplings import AbstractCoupling
+from fea.errors import FeaError, position_text
 from fea.linear_solve import Factor, factorise
-from fea.linear_solve.element_operator import MATRIX_FREE, ElementOperator
+from fea.linear_solve.element_operator import MATRIX_FREE, ElementOperator, matrix_shape
 from fea.linear_solve.interface import Matrix, SingularStiffness
+from fea.linear_solve.mkl_sparse import multiply
 from fea.mechanisms import describe_mode
 from fea.precision import as_float64, require_x64
 from fea.rigid_motion import rigid_body_modes
+from fea.transfer import Transfer
 
 ArrayLike = Array | np.ndarray
 
@@ -42,15 +45,21 @@ class AbstractProblem(abc.ABC):
     * `forces: Float[cases, nodes, block]`: what acts on each dof.
 
     Attributes:
-        proves_definite: whether `check` has shown that no motion is free, whatever it is, so that the
-            solver need not look for one.
+        positions: name of the parameter that holds `points`.
+        couplings: what makes nodes follow others; structures of six dofs a node only.
     """
 
-    proves_definite: ClassVar[bool]
+    positions: ClassVar[str]
+    couplings: tuple[AbstractCoupling, ...] = ()
 
     fixed: Bool[np.ndarray, "nodes block"]
     value: Float[np.ndarray, "nodes block"]
     forces: Float[np.ndarray, "cases nodes block"]
+
+    @property
+    @abc.abstractmethod
+    def proves_definite(self) -> bool:
+        """Whether `check` shows that no motion is free, so that the solver need not look for one."""
 
     @property
     @abc.abstractmethod
@@ -59,8 +68,13 @@ class AbstractProblem(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def connectivity(self) -> Int[np.ndarray, "elements corners"]:
-        """Nodes of each element."""
+    def groups(self) -> tuple[Int[np.ndarray, "_ _"], ...]:
+        """Nodes of each element, group by group; all elements of a group have equally many."""
+
+    @property
+    @abc.abstractmethod
+    def loads(self) -> Float[np.ndarray, "cases nodes block"]:
+        """All that acts on the nodes: `forces`, and the consistent forces of other loads."""
 
     @property
     @abc.abstractmethod
@@ -99,6 +113,10 @@ class AbstractProblem(abc.ABC):
     ) -> dict[str, np.ndarray]:
         """Derivative of sum_c v_c' K u_c by each of `parameters`, v and u held."""
 
+    @abc.abstractmethod
+    def load_gradient(self, v: Float[np.ndarray, "cases nodes block"]) -> dict[str, np.ndarray]:
+        """Derivative of sum_c v_c' loads_c by `forces` and the parameters that loads depend on."""
+
 
 Problem = TypeVar("Problem", bound=AbstractProblem)
 
@@ -108,17 +126,28 @@ class AbstractForm(abc.ABC):
 
     @abc.abstractmethod
     def stiffness(self, problem: AbstractProblem) -> tuple[Matrix, Matrix]:
-        """K, and K without the prescribed dofs."""
+        """K, and K without the prescribed and the dependent dofs."""
+
+    @abc.abstractmethod
+    def at(self, problem: AbstractProblem) -> "AbstractForm":
+        """The form of the same structure with other positions."""
+
+    @abc.abstractmethod
+    def gathered(self, forces: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
+        """Forces on the nodes that couplings leave, zero on the others."""
 
     @abc.abstractmethod
     def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """Fields as columns on the dofs of the reduced matrix, zero on fixed dofs."""
+        """Displacements, or gathered forces, as columns on the dofs of the reduced matrix.
+
+        Zero on fixed dofs.
+        """
 
     @abc.abstractmethod
     def expand(
         self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
     ) -> Float[np.ndarray, "columns nodes block"]:
-        """The inverse of `restrict`, with the prescribed value on fixed dofs."""
+        """The inverse of `restrict` for displacements, with the prescribed value on fixed dofs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,32 +156,66 @@ class Assembled(AbstractForm):
 
     Attributes:
         pattern: where node pairs go.
-        reduced: how supports are eliminated.
+        transfer: how dependent nodes follow the others; None without couplings.
+        reduction: how supports and dependent nodes are eliminated.
     """
 
     pattern: Pattern
-    reduced: Reduced
+    transfer: Transfer | None
+    reduction: Reduced
 
     @classmethod
     def of(cls, problem: AbstractProblem) -> "Assembled":
         """Find the pattern."""
-        pattern = Pattern.from_nodes(problem.connectivity, len(problem.points))
-        return cls(pattern, Reduced.from_pattern(pattern, problem.fixed))
+        pattern = Pattern.from_groups(problem.groups, len(problem.points))
+        transfer = _transfer(problem)
+        if transfer is None:
+            return cls(pattern, None, Reduced.from_pattern(pattern, problem.fixed))
+        block = problem.fixed.shape[1]
+        shape = (
+            np.zeros((len(pattern.upper), block, block)),
+            np.zeros((pattern.nodes, block, block)),
+        )
+        coupled = _congruent(transfer.matrix, pattern.matrix(*shape))
+        gone = problem.fixed | transfer.dependent[:, None]
+        return cls(pattern, transfer, Reduced.from_pattern(coupled, gone))
+
+    def at(self, problem: AbstractProblem) -> "Assembled":
+        """Couplings follow the positions."""
+        return self if self.transfer is None else replace(self, transfer=_transfer(problem))
 
     def stiffness(self, problem: AbstractProblem) -> tuple[bsr_array, bsr_array]:
         """Assemble."""
         K = problem.stiffness(self.pattern)
-        return K, self.reduced.matrix(K)
+        return K, self.reduced(K)
+
+    def reduced(self, matrix: bsr_array, *, eigen: bool = False) -> bsr_array:
+        """A matrix on the pattern without prescribed and dependent dofs, Tᵀ A T.
+
+        Args:
+            matrix: A.
+            eigen: whether it is the right-hand matrix of an eigenproblem; see `Reduced.matrix`.
+        """
+        if self.transfer is not None:
+            matrix = _congruent(self.transfer.matrix, matrix)
+        return self.reduction.matrix(matrix, eigen=eigen)
+
+    def gathered(self, forces: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
+        """Tᵀ f."""
+        return forces if self.transfer is None else self.transfer.gathered(forces)
 
     def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """Nodes with a free dof only."""
-        return self.reduced.restrict(np.moveaxis(fields, 0, -1))
+        """Independent nodes with a free dof only."""
+        return self.reduction.restrict(np.moveaxis(fields, 0, -1))
 
     def expand(
         self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
     ) -> Float[np.ndarray, "columns nodes block"]:
         """Whole fields."""
-        return self.reduced.expand(x, value)
+        if self.transfer is None:
+            return self.reduction.expand(x, value)
+        independent = np.where(self.transfer.dependent[:, None], 0.0, value)
+        return self.transfer.spread(self.reduction.expand(x, independent))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +231,14 @@ class MatrixFree(AbstractForm):
     def stiffness(self, problem: AbstractProblem) -> tuple[ElementOperator, ElementOperator]:
         """Two rules, with and without supports."""
         return problem.operator(np.zeros_like(self.fixed)), problem.operator(self.fixed)
+
+    def at(self, problem: AbstractProblem) -> "MatrixFree":
+        """The same."""
+        return self
+
+    def gathered(self, forces: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
+        """All of them: there are no couplings."""
+        return forces
 
     def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
         """All nodes."""
@@ -216,36 +287,38 @@ class AbstractSolution(abc.ABC):
     @cached_property
     def compliance(self) -> Float[np.ndarray, " cases"]:
         """Work u.f of the forces of each case [N mm]."""
-        return np.einsum("cni,cni->c", self.problem.forces, self.displacement)
+        return np.einsum("cni,cni->c", self.problem.loads, self.displacement)
 
     @cached_property
     def reaction(self) -> Float[np.ndarray, "cases nodes block"]:
         """What the supports exert on the structure [N, N mm]; zero on free dofs."""
-        inner = times(self.system.K, self.displacement)
-        return np.where(self.problem.fixed, inner - self.problem.forces, 0.0)
+        inner = times(self.system.K, self.displacement) - self.problem.loads
+        return np.where(self.problem.fixed, self.system.form.gathered(inner), 0.0)
 
     @cached_property
     def load_on_supports(self) -> Float[np.ndarray, " cases"]:
         """Share of each case's forces that acts on fixed dofs and so loads nothing."""
-        return load_on_supports(self.problem.fixed, self.problem.forces)
+        gathered = self.system.form.gathered(self.problem.loads)
+        return load_on_supports(self.problem.fixed, gathered)
 
     def adjoint(
         self, load: Float[np.ndarray, "cases nodes block"]
     ) -> Float[np.ndarray, "cases nodes block"]:
         """K⁻¹ load with all supports at zero, by the factor at hand.
 
-        Cases whose load is a multiple of the forces, on free dofs, cost nothing when the supports
-        do not move.
+        Cases whose load is a multiple of the problem's loads, on free dofs, cost nothing when the
+        supports do not move.
 
         Raises:
             FeaError: when the factor went into a later solution, or the solve fails.
         """
-        free = ~self.problem.fixed
+        free, form = ~self.problem.fixed, self.system.form
         at_rest = not _moves(self.problem)
+        gathered, forces = form.gathered(load), form.gathered(self.problem.loads)
         result = np.zeros_like(load)
         unknown = []
-        for case, wanted in enumerate(load):
-            b, f = wanted[free], self.problem.forces[case][free]
+        for case in range(len(load)):
+            b, f = gathered[case][free], forces[case][free]
             share = (b @ f) / (f @ f) if at_rest and f.any() else 0.0
             if np.abs(b - share * f).max(initial=0.0) <= SAME_DIRECTION * np.abs(b).max(
                 initial=0.0
@@ -254,8 +327,7 @@ class AbstractSolution(abc.ABC):
             else:
                 unknown.append(case)
         if unknown:
-            form = self.system.form
-            x = self.system.factor.solve(form.restrict(load[unknown])).x
+            x = self.system.factor.solve(form.restrict(gathered[unknown])).x
             result[unknown] = form.expand(x, np.zeros_like(self.problem.value))
         return result
 
@@ -284,17 +356,21 @@ def equilibrium(
     problem = _checked(problem)
     if previous is not None:
         _check_same(problem, previous, solver)
-    check_loads(problem.fixed, problem.forces, moved=_moves(problem), points=problem.points)
     problem.check()
-    if previous is None:
-        form = MatrixFree(problem.fixed) if solver == MATRIX_FREE else Assembled.of(problem)
-    else:
-        form = previous.system.form
+    # Loads within elements act, and moved supports do, whatever is fixed.
+    active = _moves(problem) or bool((problem.loads != problem.forces).any())
+    check_loads(problem.fixed, problem.loads, moved=active, points=problem.points)
+    form = _form(problem, solver) if previous is None else previous.system.form.at(problem)
+    gathered = form.gathered(problem.loads)
+    if problem.couplings:
+        check_loads(problem.fixed, gathered, moved=active, points=problem.points)
     K, reduced = form.stiffness(problem)
     value = np.where(problem.fixed, problem.value, 0.0)
-    forces = problem.forces - times(K, value[None]) if value.any() else problem.forces
+    if value.any():
+        moved = form.expand(np.zeros((matrix_shape(reduced)[0], 1)), value)
+        gathered = gathered - form.gathered(times(K, moved))
     guess = None
-    if previous is not None and previous.displacement.shape == problem.forces.shape:
+    if previous is not None and previous.displacement.shape == gathered.shape:
         guess = form.restrict(previous.displacement)
     try:
         if previous is None:
@@ -306,11 +382,33 @@ def equilibrium(
             )
         else:
             factor = previous.system.factor.update(reduced)
-        solved = factor.solve(form.restrict(forces), x0=guess)
+        solved = factor.solve(form.restrict(gathered), x0=guess)
     except SingularStiffness as failure:
         raise _named(failure, problem, form) from failure
     u = form.expand(solved.x, value)
     return problem, u, solved.residual, solved.iterations, System(form, K, factor)
+
+
+def _form(problem: AbstractProblem, solver: str) -> AbstractForm:
+    if solver != MATRIX_FREE:
+        return Assembled.of(problem)
+    if problem.couplings:
+        raise FeaError(
+            f'Solver "{MATRIX_FREE}" takes no couplings; choose "auto", or leave the couplings out.'
+        )
+    return MatrixFree(problem.fixed)
+
+
+def _transfer(problem: AbstractProblem) -> Transfer | None:
+    if not problem.couplings:
+        return None
+    return Transfer.of(problem.couplings, problem.points)
+
+
+def _congruent(T: bsr_array, A: bsr_array) -> bsr_array:
+    """Tᵀ A T in the blocks of A, its columns sorted."""
+    mirror = bsr_array(T.T)
+    return multiply(multiply(mirror, A, ordered=False), T)
 
 
 def _checked(problem: Problem) -> Problem:
@@ -327,8 +425,10 @@ def _checked(problem: Problem) -> Problem:
         raise FeaError(f'"value" has shape {problem.value.shape}; {nodes} nodes need {fixed}.')
     held = np.argwhere(problem.fixed & ~np.isfinite(problem.value))
     if len(held):
+        node, dof = held[0]
         raise FeaError(
-            f"The displacement prescribed at node {held[0, 0]}, dof {held[0, 1]}, is not a number."
+            f"The displacement prescribed at node {node}, {position_text(problem.points[node])} mm, dof "
+            f"{dof}, is {problem.value[node, dof]}, not a number; give one, or free the dof."
         )
     return problem
 
@@ -358,16 +458,25 @@ def _moves(problem: AbstractProblem) -> bool:
 
 
 def _check_same(problem: AbstractProblem, previous: AbstractSolution, solver: str) -> None:
-    for name in ("connectivity", "fixed"):
-        now, before = getattr(problem, name), getattr(previous.problem, name)
-        if now is not before and not np.array_equal(now, before):
-            word = {"connectivity": "elements", "fixed": "supports"}[name]
+    before = previous.problem
+    same = {
+        "elements": len(problem.groups) == len(before.groups)
+        and all(map(_equal, problem.groups, before.groups)),
+        "supports": _equal(problem.fixed, before.fixed),
+        "couplings": problem.couplings == before.couplings,
+    }
+    for word, agrees in same.items():
+        if not agrees:
             raise FeaError(f"The previous solution has other {word}; solve without it.")
     used = previous.system.factor.name
     if solver not in ("auto", used):
         raise FeaError(
             f'The previous solution was solved by "{used}", not by "{solver}"; solve without it.'
         )
+
+
+def _equal(a: np.ndarray, b: np.ndarray) -> bool:
+    return a is b or np.array_equal(a, b)
 
 
 def times(

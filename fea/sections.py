@@ -2,13 +2,13 @@
 
 A section bends equally in all directions (one second moment of area), so a strut needs no
 orientation about its own axis. Sizes are given by one number, the radius: for a square, half the
-side.
+side; for a tube, the outer radius.
 """
 
 import abc
+import math
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -31,24 +31,43 @@ SQUARE_SHEAR_PEAK = 3 / 2
 class AbstractSection(eqx.Module):
     """Properties of a strut's section as functions of its radius [mm].
 
+    A section tapers by its `size`, which is linear along a tapered strut: A = A_1 size² and I, J =
+    I_1, J_1 size⁴, with A_1, I_1, J_1 the constants of the section of size 1 mm.
+
     Attributes:
         shear_factor: Timoshenko's kappa; the effective shear area is kappa A. None takes Cowper's
             value for the material's Poisson's ratio; infinity is the Euler-Bernoulli beam.
+
+    Raises:
+        FeaError: when the shear factor is not positive.
     """
 
     shear_factor: eqx.AbstractVar[float | None]
 
-    @abc.abstractmethod
-    def area(self, radius: Radius) -> Radius:
-        """Area A [mm²]."""
+    def __check_init__(self):
+        if self.shear_factor is not None and not self.shear_factor > 0:
+            raise FeaError(
+                f"shear_factor = {self.shear_factor:g}: must be positive; infinity neglects shear."
+            )
 
     @abc.abstractmethod
-    def second_moment(self, radius: Radius) -> Radius:
-        """Second moment of area I about any axis through the centroid [mm⁴]."""
+    def size(self, radius: Radius) -> Radius:
+        """What scales the section [mm]: the radius, or 1 for a section that does not change."""
 
+    @property
     @abc.abstractmethod
-    def torsion_constant(self, radius: Radius) -> Radius:
-        """St Venant's torsion constant J [mm⁴]."""
+    def unit_area(self) -> float:
+        """Area A_1 at size 1 mm [mm²]."""
+
+    @property
+    @abc.abstractmethod
+    def unit_second_moment(self) -> float:
+        """Second moment of area I_1 at size 1 mm, about any axis through the centroid [mm⁴]."""
+
+    @property
+    @abc.abstractmethod
+    def unit_torsion_constant(self) -> float:
+        """St Venant's torsion constant J_1 at size 1 mm [mm⁴]."""
 
     @abc.abstractmethod
     def cowper(self, nu: float) -> float:
@@ -66,6 +85,18 @@ class AbstractSection(eqx.Module):
     def shear_modulus_area(self, radius: Radius) -> Radius:
         """Transverse force over the largest shear stress it makes [mm²]."""
 
+    def area(self, radius: Radius) -> Radius:
+        """Area A [mm²]."""
+        return self.unit_area * self.size(radius) ** 2
+
+    def second_moment(self, radius: Radius) -> Radius:
+        """Second moment of area I [mm⁴]."""
+        return self.unit_second_moment * self.size(radius) ** 4
+
+    def torsion_constant(self, radius: Radius) -> Radius:
+        """Torsion constant J [mm⁴]."""
+        return self.unit_torsion_constant * self.size(radius) ** 4
+
     def kappa(self, nu: float) -> float:
         """Shear factor in use: the given one, else Cowper's."""
         return self.cowper(nu) if self.shear_factor is None else self.shear_factor
@@ -80,17 +111,24 @@ class Round(AbstractSection):
 
     shear_factor: float | None = None
 
-    def area(self, radius: Radius) -> Radius:
-        """Area π r² [mm²]."""
-        return np.pi * radius**2
+    def size(self, radius: Radius) -> Radius:
+        """The radius."""
+        return radius
 
-    def second_moment(self, radius: Radius) -> Radius:
-        """Second moment π r⁴/4 [mm⁴]."""
-        return np.pi / 4 * radius**4
+    @property
+    def unit_area(self) -> float:
+        """Area π r²."""
+        return math.pi
 
-    def torsion_constant(self, radius: Radius) -> Radius:
-        """Torsion constant π r⁴/2 [mm⁴]."""
-        return np.pi / 2 * radius**4
+    @property
+    def unit_second_moment(self) -> float:
+        """Second moment π r⁴/4."""
+        return math.pi / 4
+
+    @property
+    def unit_torsion_constant(self) -> float:
+        """Torsion constant π r⁴/2."""
+        return math.pi / 2
 
     def cowper(self, nu: float) -> float:
         """6 (1 + nu)/(7 + 6 nu)."""
@@ -98,15 +136,74 @@ class Round(AbstractSection):
 
     def bending_modulus(self, radius: Radius) -> Radius:
         """I/r = π r³/4 [mm³]."""
-        return np.pi / 4 * radius**3
+        return math.pi / 4 * radius**3
 
     def torsion_modulus(self, radius: Radius) -> Radius:
         """J/r = π r³/2 [mm³]."""
-        return np.pi / 2 * radius**3
+        return math.pi / 2 * radius**3
 
     def shear_modulus_area(self, radius: Radius) -> Radius:
         """3/4 of the area [mm²]."""
         return self.area(radius) / ROUND_SHEAR_PEAK
+
+
+class Tube(AbstractSection):
+    """Circular tube whose outer radius is the given radius.
+
+    Attributes:
+        ratio: inner over outer radius, the same along a tapered strut.
+        shear_factor: None for Cowper's value of a hollow circle.
+
+    Raises:
+        FeaError: when the ratio is not in [0, 1).
+    """
+
+    ratio: float
+    shear_factor: float | None = None
+
+    def __check_init__(self):
+        if not 0 <= self.ratio < 1:
+            raise FeaError(
+                f"ratio = {self.ratio:g}: inner over outer radius of a tube; give 0 <= ratio < 1."
+            )
+
+    def size(self, radius: Radius) -> Radius:
+        """The outer radius."""
+        return radius
+
+    @property
+    def unit_area(self) -> float:
+        """Area π r² (1 - m²), m the ratio."""
+        return math.pi * (1 - self.ratio**2)
+
+    @property
+    def unit_second_moment(self) -> float:
+        """Second moment π r⁴ (1 - m⁴)/4."""
+        return math.pi / 4 * (1 - self.ratio**4)
+
+    @property
+    def unit_torsion_constant(self) -> float:
+        """Torsion constant π r⁴ (1 - m⁴)/2."""
+        return math.pi / 2 * (1 - self.ratio**4)
+
+    def cowper(self, nu: float) -> float:
+        """6 (1 + nu) (1 + m²)²/((7 + 6 nu) (1 + m²)² + (20 + 12 nu) m²), m the ratio."""
+        m2 = self.ratio**2
+        square = (1 + m2) ** 2
+        return 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
+
+    def bending_modulus(self, radius: Radius) -> Radius:
+        """I over the outer radius [mm³]."""
+        return self.unit_second_moment * radius**3
+
+    def torsion_modulus(self, radius: Radius) -> Radius:
+        """J over the outer radius [mm³]."""
+        return self.unit_torsion_constant * radius**3
+
+    def shear_modulus_area(self, radius: Radius) -> Radius:
+        """V over V Q/(I b) at the neutral axis, b twice the wall: 3/4 A (1 + m²)/(1 + m + m²)."""
+        m = self.ratio
+        return self.area(radius) / ROUND_SHEAR_PEAK * ((1 + m**2) / (1 + m + m**2))
 
 
 class Square(AbstractSection):
@@ -118,17 +215,24 @@ class Square(AbstractSection):
 
     shear_factor: float | None = None
 
-    def area(self, radius: Radius) -> Radius:
-        """Area (2 h)² [mm²]."""
-        return 4 * radius**2
+    def size(self, radius: Radius) -> Radius:
+        """Half the side."""
+        return radius
 
-    def second_moment(self, radius: Radius) -> Radius:
-        """Second moment (2 h)⁴/12 [mm⁴]."""
-        return 4 / 3 * radius**4
+    @property
+    def unit_area(self) -> float:
+        """Area (2 h)²."""
+        return 4.0
 
-    def torsion_constant(self, radius: Radius) -> Radius:
-        """Torsion constant 0.1406 (2 h)⁴ [mm⁴]."""
-        return 16 * SQUARE_TORSION_CONSTANT * radius**4
+    @property
+    def unit_second_moment(self) -> float:
+        """Second moment (2 h)⁴/12."""
+        return 4 / 3
+
+    @property
+    def unit_torsion_constant(self) -> float:
+        """Torsion constant 0.1406 (2 h)⁴."""
+        return 16 * SQUARE_TORSION_CONSTANT
 
     def cowper(self, nu: float) -> float:
         """10 (1 + nu)/(12 + 11 nu)."""
@@ -136,7 +240,7 @@ class Square(AbstractSection):
 
     def bending_modulus(self, radius: Radius) -> Radius:
         """I over half the diagonal [mm³]: bending about a diagonal, the worst direction."""
-        return self.second_moment(radius) / (np.sqrt(2) * radius)
+        return self.unit_second_moment / math.sqrt(2) * radius**3
 
     def torsion_modulus(self, radius: Radius) -> Radius:
         """0.2082 (2 h)³ [mm³]."""
@@ -155,6 +259,9 @@ class Given(AbstractSection):
         I: second moment of area [mm⁴].
         J: torsion constant [mm⁴].
         shear_factor: infinity (the default) neglects shear deformation.
+
+    Raises:
+        FeaError: when a constant is not positive.
     """
 
     A: float
@@ -162,17 +269,30 @@ class Given(AbstractSection):
     J: float
     shear_factor: float | None = float("inf")
 
-    def area(self, radius: Radius) -> Radius:
+    def __check_init__(self):
+        for name in ("A", "I", "J"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise FeaError(f"{name} = {value:g} of a section: give a positive number.")
+
+    def size(self, radius: Radius) -> Radius:
+        """1: such struts are prismatic, whatever their radii."""
+        return 0 * radius + 1
+
+    @property
+    def unit_area(self) -> float:
         """A."""
-        return self.A * jnp.ones_like(radius)
+        return self.A
 
-    def second_moment(self, radius: Radius) -> Radius:
+    @property
+    def unit_second_moment(self) -> float:
         """I."""
-        return self.I * jnp.ones_like(radius)
+        return self.I
 
-    def torsion_constant(self, radius: Radius) -> Radius:
+    @property
+    def unit_torsion_constant(self) -> float:
         """J."""
-        return self.J * jnp.ones_like(radius)
+        return self.J
 
     def cowper(self, nu: float) -> float:
         """Not defined for a section whose shape is unknown."""

@@ -1,6 +1,6 @@
 """Linear elasticity of a solid on tetrahedra: displacement, stress, reactions, compliance."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import bsr_array, csc_array
 
 from fea.assembly import Pattern, node_pairs
+from fea.batches import batches
 from fea.boundary_conditions import Support, prescribed_dofs
 from fea.elements import (
     STRAIN,
@@ -57,7 +58,7 @@ class SolidProblem(AbstractProblem):
     Supports, and the displacements they prescribe, are the same in every load case.
     """
 
-    proves_definite: ClassVar[bool] = True  # `free_body` is exact
+    positions: ClassVar[str] = "nodes"
 
     mesh: TetMesh
     material: AbstractMaterial
@@ -100,14 +101,24 @@ class SolidProblem(AbstractProblem):
         return self.mesh.nodes
 
     @property
-    def connectivity(self) -> Int[np.ndarray, "cells corners"]:
+    def groups(self) -> tuple[Int[np.ndarray, "cells corners"]]:
         """Nodes of each cell."""
-        return self.mesh.tets
+        return (self.mesh.tets,)
+
+    @property
+    def loads(self) -> Float[np.ndarray, "cases nodes 3"]:
+        """The nodal forces [N]."""
+        return self.forces
 
     @property
     def parameters(self) -> dict[str, np.ndarray]:
         """Node positions [mm] and relative modulus."""
         return {"nodes": self.mesh.nodes, "modulus": self.modulus}
+
+    @property
+    def proves_definite(self) -> bool:
+        """Yes: `free_body` is exact."""
+        return True
 
     def with_parameters(self, values: Mapping[str, np.ndarray]) -> "SolidProblem":
         """The same problem with other nodes, modulus, forces or prescribed values."""
@@ -157,7 +168,7 @@ class SolidProblem(AbstractProblem):
         element, mesh = self.mesh.element_type, self.mesh
         pairs = len(node_pairs(len(element.nodes))[0])
         products = np.zeros((len(mesh.tets), pairs, 3, 3))
-        for cells, some in _blocks(len(mesh.tets)):
+        for cells, some in batches(len(mesh.tets), CELLS_AT_ONCE):
             block = _products(mesh.nodes[mesh.tets[some]], self.modulus[some])
             products[cells] = np.asarray(block)[: len(products[cells])]
         C = elasticity_tensor(self.material.stiffness)
@@ -185,7 +196,7 @@ class SolidProblem(AbstractProblem):
         C = self.material.stiffness
         by_position = np.zeros((*tets.shape, 3))
         by_modulus = np.zeros(self.modulus.shape)
-        for cells, some in _blocks(len(tets)):
+        for cells, some in batches(len(tets), CELLS_AT_ONCE):
             at = tets[some]
             fields = (v[:, at], u[:, at])
             dx, dE = _bilinear_gradient(self.mesh.nodes[at], self.modulus[some], fields, C)
@@ -197,6 +208,10 @@ class SolidProblem(AbstractProblem):
             shape=(len(self.mesh.nodes), corners),
         )
         return {"nodes": gather @ by_position.reshape(-1, 3), "modulus": by_modulus}
+
+    def load_gradient(self, v: Float[np.ndarray, "cases nodes 3"]) -> dict[str, np.ndarray]:
+        """Derivative of sum_c v_c' f_c by the forces."""
+        return {"forces": v}
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +229,7 @@ class SolidSolution(AbstractSolution):
         problem, mesh = self.problem, self.problem.mesh
         quad = len(mesh.element_type.quadrature.weights)
         stress = np.zeros((len(self.displacement), len(mesh.tets), quad, 6))
-        for cells, some in _blocks(len(mesh.tets)):
+        for cells, some in batches(len(mesh.tets), CELLS_AT_ONCE):
             at = mesh.tets[some]
             block = _stress(
                 mesh.nodes[at],
@@ -304,14 +319,6 @@ def quadrature_stress(
         if given != wanted:
             raise FeaError(f'"{name}" has shape {given} here; this mesh needs {wanted}.')
     return _stress(x[mesh.tets], E, u[:, mesh.tets], problem.material.stiffness)
-
-
-def _blocks(cells: int) -> Iterator[tuple[slice, Int[np.ndarray, " some"]]]:
-    """Runs of cells, and as many cell numbers each time, the last run filled up from the front."""
-    # A power of two, so that small meshes share compiled code as well.
-    size = min(CELLS_AT_ONCE, 1 << (cells - 1).bit_length())
-    for first in range(0, cells, size):
-        yield slice(first, min(first + size, cells)), np.arange(first, first + size) % cells
 
 
 @jax.jit

@@ -88,6 +88,12 @@ class AnalysisSection:
         "most this in every load case (absent: one mesh of `edge_mm`)",
         default=None,
     )
+    joint_model: bool = key(
+        yes_no(),
+        "stiffen the joints of the lattice's frame as fitted to solids, where the unit cell has such a "
+        "model (docs/joint-model.md) and struts are round; false: beams from joint to joint",
+        default=True,
+    )
 
 
 @dataclass(frozen=True)

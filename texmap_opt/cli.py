@@ -6,12 +6,16 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import jax
 
 from texmap_opt import progress
 from texmap_opt.cache import DEFAULT_LIMIT_MB, StageCache
 from texmap_opt.errors import InputError, TexmapError
+
+if TYPE_CHECKING:  # commands import what they need, so that `texmap check` starts at once
+    from texmap_opt.cells.unit_cell import UnitCell
 
 # Limit of the compiled code that is kept; a run needs about 20 MB.
 COMPILED_BYTES = 200_000_000
@@ -88,6 +92,14 @@ def _parser() -> argparse.ArgumentParser:
     cell = command("cell", _cell, "describe one unit cell, and draw it")
     cell.add_argument("name", help="a name of `texmap cells`, or a unit-cell XML")
     cell.add_argument("--png", type=Path, help="draw it into this file")
+    cell.add_argument(
+        "--radius",
+        type=float,
+        help="strut radius over the cell's edge: print stiffness and density",
+    )
+    cell.add_argument(
+        "--stiffness", type=Path, help="draw Young's modulus over all directions into this file"
+    )
 
     mesh = command("mesh", _mesh, "the solid of a structure.xml")
     mesh.add_argument("structure", type=Path)
@@ -189,10 +201,15 @@ def _cells(options: argparse.Namespace) -> int:
 def _cell(options: argparse.Namespace) -> int:
     from texmap_opt.cells.catalogue import unit_cell
 
+    if options.stiffness and options.radius is None:
+        raise InputError("--stiffness needs --radius, the strut radius over the cell's edge.")
     cell = unit_cell(options.name)
-    print(f"{cell.name}: {cell.description}")
+    known_as = f" (also called {', '.join(cell.aliases)})" if cell.aliases else ""
+    print(f"{cell.name}{known_as}: {cell.description}")
     print(f"  {len(cell.joints)} joints, {len(cell.struts)} struts; {cell.classification}")
     print(f"  tiled by {cell.tiling}; source: {cell.source}")
+    if options.radius is not None:
+        _stiffness(cell, options.radius, options.stiffness)
     if options.png:
         from texmap_opt.cells.drawn_cell import drawn_cell
         from texmap_opt.report.drawing import draw_cell
@@ -200,6 +217,18 @@ def _cell(options: argparse.Namespace) -> int:
         draw_cell(drawn_cell(cell), options.png)
         print(f"  picture: {options.png}")
     return 0
+
+
+def _stiffness(cell: "UnitCell", radius: float, png: Path | None) -> None:
+    from texmap_opt.cells.homogenised import homogenised_cell
+    from texmap_opt.report.drawing import draw_stiffness
+
+    homogenised = homogenised_cell(cell, radius=radius)
+    print("\n".join(f"  {line}" for line in homogenised.text().splitlines()))
+    if png:
+        surface = homogenised.stiffness.directional_modulus()
+        draw_stiffness(surface, png, quantity="Young's modulus\nover the solid's")
+        print(f"  picture: {png}")
 
 
 def _mesh(options: argparse.Namespace) -> int:

@@ -37,7 +37,8 @@ class Filling:
 
     Attributes:
         structure: joints, struts and final radii.
-        sized: what sizing did; None where the struts are holes.
+        model: what was sized; None where the struts are holes.
+        sized: what sizing did; None there too.
         lattice: surface of the solid S, not yet cut to the part.
         validity: what was checked on it.
         inside_mm3: volume of (S and M), measured on the meshes [mm³].
@@ -45,6 +46,7 @@ class Filling:
     """
 
     structure: Structure
+    model: FrameModel | None
     sized: Sized | None
     lattice: TriMesh
     validity: ValidityReport
@@ -121,7 +123,7 @@ def _filled(
         checked = require_printable(lattice, "The lattice")
         inside = intersection(lattice, part.surface).volume
         progress.detail(f"{len(lattice.faces):,} triangles")
-    return Filling(structure, sized, lattice, checked, inside, lattice_volume(structure))
+    return Filling(structure, model, sized, lattice, checked, inside, lattice_volume(structure))
 
 
 def _check_printable(structure: Structure) -> None:

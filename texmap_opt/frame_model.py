@@ -1,6 +1,6 @@
-"""The lattice as a frame: the part's supports and loads carried over to the joints.
+"""The lattice as a frame, with its skin where it has one, under the part's supports and loads.
 
-The rules are those of docs/decisions/0002-supports-and-loads-on-frames.md. The frame has no skin.
+The rules are those of docs/decisions/0002-supports-and-loads-on-frames.md.
 """
 
 from dataclasses import dataclass, replace
@@ -8,17 +8,19 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.spatial import KDTree
 
 import fea
 from fea import FeaError, Material
 from fea.boundary_conditions import prescribed_dofs
-from fea.frame import FrameProblem, free_frame_motion
+from fea.frame import FrameProblem
+from fea.frame_checks import free_frame_motion
 from fea.sections import section
-from texmap_opt.case import DesignCase, Load
+from texmap_opt.bearers import AbstractBearer, bearer_of
+from texmap_opt.case import DesignCase
 from texmap_opt.errors import LatticeError
+from texmap_opt.joint_zones import JointZones
 from texmap_opt.part import Part
-from texmap_opt.region_reach import RegionReach
+from texmap_opt.skinned_frame import FrameSkin
 from texmap_opt.stress_field import MM_PER_M, StressField
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.volume import LatticeVolume, centre_line_volume
@@ -34,10 +36,13 @@ class FrameModel:
         case_names: load cases, in the order of the first axis of the arrays.
         fixed: prescribed displacements and rotations of the joints.
         value: their values [mm, rad].
-        surface_forces: forces [N] and moments [N mm] of the loads on the surface.
+        surface_forces: forces [N] and moments [N mm] of the loads on the surface, and the weight of
+            the skin.
         acceleration: gravity of each case [mm/s²].
         weight_factor: true volume of the struts over the sum of their own volumes, so that joints
             are not weighed once for each strut.
+        skin: shells whose vertices are joints after those of the structure; None: there is none.
+        zones: what the joints add to the struts; None: beams from joint to joint.
     """
 
     structure: Structure
@@ -48,42 +53,76 @@ class FrameModel:
     surface_forces: Float[np.ndarray, "cases joints 6"]
     acceleration: Float[np.ndarray, "cases 3"]
     weight_factor: float
+    skin: FrameSkin | None = None
+    zones: JointZones | None = None
+
+    @property
+    def joints(self) -> Float[np.ndarray, "joints 3"]:
+        """Positions of the structure's joints, then of the skin's vertices [mm]."""
+        if self.skin is None:
+            return self.structure.joints
+        return np.concatenate([self.structure.joints, self.skin.mesh.surface.vertices])
 
     def with_structure(self, structure: Structure) -> "FrameModel":
         """The same model for a structure that differs in its radii only."""
         return replace(self, structure=structure, weight_factor=_true_share(structure))
 
-    def forces(
-        self, radii: Float[Array | np.ndarray, "struts 2"]
-    ) -> Float[Array, "cases joints 6"]:
-        """All forces [N] and moments [N mm] on the joints; JAX differentiates in the radii.
+    def parameters(self, radii: Float[Array | np.ndarray, "struts 2"]) -> dict[str, Array]:
+        """All that the frame takes from the radii, by the names of `FrameProblem`, in JAX.
 
         A strut's weight goes to its joints so that its resultant and moment stay.
+
+        Args:
+            radii: at both ends of each strut [mm].
         """
-        mass = joint_masses(self.structure, radii, self.material.density * self.weight_factor)
+        radii = jnp.asarray(radii)
+        density = self.material.density * self.weight_factor
+        mass = joint_masses(self.structure, radii, density, self.section_shares(radii))
         weight = self.acceleration[:, None, :] * mass[None, :, None]
-        return jnp.asarray(self.surface_forces).at[..., :3].add(weight)
+        lattice = len(self.structure.joints)
+        values = {
+            "radii": radii,
+            "forces": jnp.asarray(self.surface_forces).at[:, :lattice, :3].add(weight),
+        }
+        rigid_ends, modulus = jnp.zeros(radii.shape), self.section_shares(radii)
+        if self.skin is not None:
+            rigid_ends += self.skin.rigid_ends
+        if self.zones is not None:
+            rigid_ends += self.zones.rigid_ends(radii)
+            modulus *= self.zones.modulus(radii)
+        if self.skin is not None or self.zones is not None:
+            values |= {"rigid_ends": rigid_ends, "modulus": modulus}
+        return values
+
+    def section_shares(
+        self, radii: Float[Array | np.ndarray, "struts 2"]
+    ) -> Float[Array, " struts"]:
+        """Share of each strut's section that the skin does not hold already."""
+        if self.skin is None:
+            return jnp.ones(len(self.structure.struts))
+        return self.skin.shares(radii)
 
     def problem(self, radii: Float[np.ndarray, "struts 2"] | None = None) -> FrameProblem:
         """The frame with the given radii [mm], or its own."""
-        radii = self.structure.radii if radii is None else radii
+        values = self.parameters(self.structure.radii if radii is None else radii)
         return FrameProblem(
-            joints=self.structure.joints,
+            joints=self.joints,
             struts=self.structure.struts,
-            radii=radii,
             E=self.material.E,
             nu=self.material.nu,
             section=section(self.structure.section),
             fixed=self.fixed,
             value=self.value,
-            forces=np.asarray(self.forces(radii)),
+            skin=None if self.skin is None else self.skin.shell,
+            couplings=() if self.skin is None else (self.skin.tie,),
+            **{name: np.asarray(value) for name, value in values.items()},
         )
 
 
 def frame_model(
     structure: Structure, part: Part, case: DesignCase, stress: StressField
 ) -> FrameModel:
-    """Carry a case's supports and loads over to the joints of a structure.
+    """Carry a case's supports and loads over to the skin of a structure, or to its joints.
 
     Args:
         structure: the trimmed lattice.
@@ -92,14 +131,14 @@ def frame_model(
         stress: analysis of the solid part, whose nodal forces are carried over.
 
     Raises:
-        LatticeError: a region that no strut reaches, supports that contradict each other or leave
-            a motion of the lattice, or a case whose loads act on held joints only.
+        LatticeError: a region that no strut or no vertex of the skin reaches, a strut end that
+            misses the skin, supports that contradict each other or leave a motion of the lattice, or
+            a case whose loads act on held joints only.
     """
-    thickest = float(structure.radii.max())
-    reach = RegionReach.of(structure.joints, part, case, stress, thickest)
-    fixed, value = _supports(reach, case)
+    bearer = bearer_of(structure, part, case, stress)
+    fixed, value = _supports(bearer, case)
     names = case.load_cases
-    forces = np.zeros((len(names), len(structure.joints), 6))
+    forces = np.zeros((len(names), bearer.joints, 6))
     acceleration = np.zeros((len(names), 3))
     for load, nodal in zip(case.loads, stress.load_forces, strict=True):
         k = names.index(load.case)
@@ -107,8 +146,9 @@ def frame_model(
             g = MM_PER_M * np.array(load.gravity_m_s2)
             acceleration[k] += g
             nodal = nodal - fea.gravity_forces(stress.mesh, case.material.density, g)
+            forces[k] += bearer.own_weight(case.material.density, g)
         if load.region is not None:
-            forces[k] += _joint_forces(reach, load, nodal, lever=float(structure.radii.mean()))
+            forces[k] += bearer.carried(load, nodal)
     model = FrameModel(
         structure=structure,
         material=case.material,
@@ -118,6 +158,8 @@ def frame_model(
         surface_forces=forces,
         acceleration=acceleration,
         weight_factor=_true_share(structure),
+        skin=bearer.skin,
+        zones=JointZones.of(structure, case, bearer.skin),
     )
     _check_can_be_solved(model, case.path.name)
     return model
@@ -131,45 +173,11 @@ def _true_share(structure: Structure) -> float:
     return float(measure(structure.joints, structure.radii)) / apart
 
 
-def carried_forces(
-    joints: Float[np.ndarray, "reached 3"],
-    points: Float[np.ndarray, "nodes 3"],
-    forces: Float[np.ndarray, "nodes 3"],
-    *,
-    lever: float,
-) -> Float[np.ndarray, "reached 6"]:
-    """Forces [N] and moments [N mm] on joints, equivalent to forces at points of a surface.
-
-    Each force goes to its nearest joint. The smallest additional forces (least squares) then make
-    the moment about any point that of the surface forces. Where the joints offer no lever arm, as
-    on one line, moments on the joints do the rest.
-
-    Args:
-        joints: the joints that the region reaches [mm].
-        points: where the forces act [mm].
-        forces: [N].
-        lever: joints closer than this (root mean square) to an axis turn nothing about it [mm].
-    """
-    carried = np.zeros((len(joints), 6))
-    nearest = KDTree(joints).query(points)[1]
-    np.add.at(carried[:, :3], nearest, forces)
-    # The resultant is right by now; the forces w x arm that add a moment J w have none.
-    centre = joints.mean(axis=0)
-    arm = joints - centre
-    wanted = np.cross(points - centre, forces).sum(axis=0)
-    missing = wanted - np.cross(arm, carried[:, :3]).sum(axis=0)
-    J = np.eye(3) * np.sum(arm**2) - arm.T @ arm
-    inertia, axes = np.linalg.eigh(J)
-    turns = inertia > lever**2 * len(joints)
-    w = axes[:, turns] @ ((axes[:, turns].T @ missing) / inertia[turns])
-    carried[:, :3] += np.cross(w, arm)
-    missing = wanted - np.cross(arm, carried[:, :3]).sum(axis=0)
-    carried[:, 3:] += missing / len(joints)
-    return carried
-
-
 def joint_masses(
-    structure: Structure, radii: Float[Array | np.ndarray, "struts 2"], density: float
+    structure: Structure,
+    radii: Float[Array | np.ndarray, "struts 2"],
+    density: float,
+    share: Float[Array | np.ndarray, " struts"] | float = 1.0,
 ) -> Float[Array, " joints"]:
     """Mass of the struts shared between their joints [tonne], centres of gravity kept.
 
@@ -179,30 +187,31 @@ def joint_masses(
         structure: joints and struts.
         radii: radius, or half the side, at both ends [mm].
         density: [tonne/mm³].
+        share: of each strut's section that counts.
     """
     a, b = jnp.asarray(radii).T
     shape = section(structure.section)
     per_square = float(shape.area(np.ones(1))[0])
-    scale = density * per_square * jnp.asarray(structure.lengths())
+    scale = share * density * per_square * jnp.asarray(structure.lengths())
     shares = jnp.stack([a**2 / 4 + a * b / 6 + b**2 / 12, a**2 / 12 + a * b / 6 + b**2 / 4], axis=1)
     masses = jnp.zeros(len(structure.joints))
     return masses.at[jnp.asarray(structure.struts)].add(scale[:, None] * shares)
 
 
 def _supports(
-    reach: RegionReach, case: DesignCase
+    bearer: AbstractBearer, case: DesignCase
 ) -> tuple[Bool[np.ndarray, "joints 6"], Float[np.ndarray, "joints 6"]]:
     """Held degrees of freedom and their values; held in all three directions means clamped."""
     supports = [
         fea.Support(
-            reach.reached(support.where, support.region),
+            bearer.held(support.where, support.region),
             np.array([axis in support.fix for axis in "xyz"]),
             np.array(support.value_mm or (0.0, 0.0, 0.0), float),
         )
         for support in case.supports
     ]
     try:
-        held, moved = prescribed_dofs(supports, len(reach.joints))
+        held, moved = prescribed_dofs(supports, bearer.joints)
     except FeaError as failure:
         raise LatticeError(
             f"{case.path.name}: [[support]]: on the lattice's joints, {failure} Use smaller cells."
@@ -211,24 +220,9 @@ def _supports(
     return np.hstack([held, clamped]), np.hstack([moved, np.zeros_like(moved)])
 
 
-def _joint_forces(
-    reach: RegionReach, load: Load, nodal: Float[np.ndarray, "nodes 3"], *, lever: float
-) -> Float[np.ndarray, "joints 6"]:
-    """Forces and moments on all joints of one load's surface forces."""
-    region = load.region
-    if region is None:
-        raise ValueError("a load without a region has no surface forces")
-    reached = reach.reached(load.where, region)
-    loaded = np.flatnonzero(nodal.any(axis=1))
-    forces = np.zeros((len(reach.joints), 6))
-    points = reach.stress.mesh.nodes[loaded]
-    forces[reached] = carried_forces(reach.joints[reached], points, nodal[loaded], lever=lever)
-    return forces
-
-
 def _check_can_be_solved(model: FrameModel, file: str) -> None:
     problem = model.problem()
-    motion = free_frame_motion(problem)
+    motion = free_frame_motion(problem.joints, problem.fixed, problem.links)
     if motion:
         raise LatticeError(
             f"{file}: [[support]]: the lattice is not held: it {motion}; widen the supports' "

@@ -122,9 +122,7 @@ def look(case: DesignCase) -> Look:
     facets = _subdivided(part.surface, part.diagonal)
     regions = tuple(_seen(facets, action) for action in (*case.supports, *case.loads))
     net = map_structure(cell, grid.nodes, plan.radius_mm)
-    trimmed = trim(
-        net, part, attached_to_skin=case.lattice.skin_mm > 0, in_region=None, least_share=0.0
-    )
+    trimmed = trim(net, part, skin_mm=case.lattice.skin_mm, in_region=None, least_share=0.0)
     struts = len(trimmed.structure.struts)
     thinnest = thinnest_wall(part.surface, query=part.signed_distance)
     across = thinnest / float(grid.uniform_edge.max())

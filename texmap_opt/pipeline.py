@@ -87,8 +87,8 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         if dropped > NOTABLE_SHARE:
             progress.warn(
                 f"structure: {100 * dropped:.0f} % of the strut length, in "
-                f"{trimmed.counts.components - 1} small pieces that only a skin would hold, was left "
-                "out; smaller cells would connect them"
+                f"{trimmed.counts.components - 1} small pieces that nothing holds, was left out; "
+                "smaller cells would connect them"
             )
     filling = fill(case, part, stress, trimmed, progress)
     with progress.stage("result"):

@@ -1,4 +1,4 @@
-"""Which joints of a lattice meet a region of the part's surface.
+"""Which joints of a lattice without a skin meet a region of the part's surface.
 
 The rule is that of docs/decisions/0002-supports-and-loads-on-frames.md.
 """
@@ -57,7 +57,7 @@ class RegionReach:
             part.surface.face_normals[face],
             np.abs(distance),
             stress,
-            thickest + case.lattice.skin_mm + case.output.tolerance_mm,
+            thickest + case.output.tolerance_mm,
         )
 
     def meets(self, region: AbstractRegion) -> Bool[np.ndarray, " joints"]:

@@ -9,13 +9,8 @@ from texmap_opt.part import Part
 from texmap_opt.region_reach import RegionReach
 from texmap_opt.stress_field import StressField
 from texmap_opt.structure.map import map_structure
-from texmap_opt.structure.trim import LEAST_SHARE, Trimmed, trim
+from texmap_opt.structure.trim import Trimmed, trim
 from texmap_opt.warp.hex_grid import HexGrid
-
-# Smallest share of the strut length in the largest piece where there is a skin. Walls thinner than a
-# cell hold single struts from skin to skin; they are left out, and that the wall is hollow is no
-# fault of the rest. Below a half the part is a shell and not filled with a lattice.
-LEAST_SHARE_UNDER_SKIN = 0.5
 
 
 def trimmed_lattice(
@@ -30,7 +25,7 @@ def trimmed_lattice(
     """Fill a warped grid with a unit cell and keep what lies in the part.
 
     Args:
-        case: skin, radius mode, section; regions that hold loose ends.
+        case: skin, radius mode, section; regions that hold loose ends where there is no skin.
         part: what is filled.
         stress: analysis of the solid part; its mesh tells what regions select.
         cell: the unit cell.
@@ -51,11 +46,6 @@ def trimmed_lattice(
         reach = RegionReach.of(points, part, case, stress, thickest)
         return np.any([reach.meets(region) for region in regions], axis=0)
 
-    skin = lattice.skin_mm > 0
-    return trim(
-        net,
-        part,
-        attached_to_skin=skin,
-        in_region=in_region,
-        least_share=LEAST_SHARE_UNDER_SKIN if skin else LEAST_SHARE,
-    )
+    skin = lattice.skin_mm
+    # Under a skin, supports and loads act on it alone.
+    return trim(net, part, skin_mm=skin, in_region=None if skin > 0 else in_region)

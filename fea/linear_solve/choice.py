@@ -16,6 +16,7 @@ from fea.linear_solve.element_operator import (
     matrix_shape,
 )
 from fea.linear_solve.interface import Factor, prepared
+from fea.linear_solve.thin_structures import is_thin_surface
 
 SOLVERS = ("auto", "pardiso", "superlu", "amg", MATRIX_FREE)
 
@@ -42,8 +43,8 @@ def factorise(
             operator that is never assembled, for "jax-cg".
         near_null: fields of almost no energy, the six rigid-body modes: multigrid needs them to be
             fast, and every solver looks whether K resists them.
-        solver: "pardiso", "superlu", "amg", "jax-cg", or "auto": direct for small models,
-            multigrid for large ones.
+        solver: "pardiso", "superlu", "amg", "jax-cg", or "auto": direct for small models and thin
+            shells, multigrid for large ones.
         definite: the caller has shown that no motion is free, so that none need be looked for
             before solving: a third of a direct factorisation, near half of multigrid's set-up. What a
             factorisation or a solution shows of its own is still refused.
@@ -64,6 +65,8 @@ def factorise(
     size = K.blocksize[0]
     dofs = matrix_shape(K)[0]
     name = chosen(dofs, solver, block=size, has_modes=near_null is not None)
+    if solver == "auto" and name == "amg" and size == FRAME_BLOCK and is_installed():
+        name = "pardiso" if is_thin_surface(K) else name
     fields = np.tile(np.eye(size), (dofs // size, 1)) if near_null is None else near_null
     methods = {
         "pardiso": Pardiso,
@@ -75,7 +78,7 @@ def factorise(
 
 
 def chosen(dofs: int, solver: str, *, block: int, has_modes: bool) -> str:
-    """Name of the solver that `factorise` takes for a matrix of this size.
+    """Name of the solver that `factorise` takes for a matrix of this size, unless it is a thin shell.
 
     Args:
         dofs: size of the matrix.

@@ -1,11 +1,12 @@
 """Cholesky factorisation by MKL PARDISO; the only user of pypardiso."""
 
+import copy
 import ctypes
 import importlib.util
 import sys
 from collections.abc import Callable
 from functools import cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,15 +28,24 @@ ZERO_PIVOT, NO_MEMORY, NO_MEMORY_ORDERING, INDEX_OVERFLOW = -4, -2, -3, -8
 
 
 @cache
-def mkl_library() -> ctypes.CDLL | None:
-    """The MKL library that pypardiso loads; None when one of the two is not installed."""
+def _blank_solver() -> Any:
+    """A solver of pypardiso that has seen no matrix; None when it or MKL is not installed.
+
+    Made once: it looks for MKL in all folders of the Python installation, 0.2 s.
+    """
     if importlib.util.find_spec("pypardiso") is None:
         return None
     try:
         from pypardiso import PyPardisoSolver
     except (ImportError, OSError):
         return None
-    return PyPardisoSolver().libmkl
+    return PyPardisoSolver(mtype=POSITIVE_DEFINITE)
+
+
+def mkl_library() -> ctypes.CDLL | None:
+    """The MKL library that pypardiso loads; None when one of the two is not installed."""
+    blank = _blank_solver()
+    return None if blank is None else blank.libmkl
 
 
 def is_installed() -> bool:
@@ -54,9 +64,10 @@ class Pardiso(AbstractMethod):
     probed: ClassVar[bool] = False
 
     def __init__(self):
-        from pypardiso import PyPardisoSolver
-
-        self._solver = PyPardisoSolver(mtype=POSITIVE_DEFINITE)
+        blank = _blank_solver()
+        # PARDISO's memory hangs on `pt`, which each solver must have of its own, as its settings.
+        self._solver = copy.copy(blank)
+        self._solver.pt, self._solver.iparm = blank.pt.copy(), blank.iparm.copy()
         # Fill-in ordering by the threaded nested dissection (0-based 1: 3), two-level threaded
         # factorisation (23: 1), up to two steps of iterative refinement (7: 2); 0: 1 says that
         # these are set.

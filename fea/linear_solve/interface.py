@@ -94,7 +94,7 @@ class Factor:
     """K, ready to be solved with any number of right-hand sides; made by `factorise`.
 
     Attributes:
-        K: the matrix.
+        K: the matrix, until the factor is spent.
         name: the solver chosen, "pardiso", "superlu", "amg" or "jax-cg".
     """
 
@@ -141,7 +141,7 @@ class Factor:
                 `throw`; always when the factor is spent, or a right-hand side, a starting point or
                 `rtol` is malformed.
         """
-        self._refuse_when_spent()
+        self.refuse_when_spent()
         if rtol is not None and not rtol > 0:
             raise FeaError(f"rtol is {rtol}; give a number above zero.")
         given = self._columns(rhs, "Loads")
@@ -179,7 +179,7 @@ class Factor:
             FeaError: when K is singular, of another size, or this factor is spent. After a K that
                 cannot be factorised this factor is lost, too.
         """
-        self._refuse_when_spent()
+        self.refuse_when_spent()
         K = as_matrix(K)
         if matrix_shape(K) != matrix_shape(self.K):
             raise FeaError(
@@ -188,6 +188,7 @@ class Factor:
             )
         # Until that has succeeded the method is half old, half new.
         self._spent = "was lost when its update failed; factorise the stiffness afresh"
+        del self.K  # so that a problem and the solution it starts from hold two matrices, not three
         factor = prepared(
             K, self._method, self.name, self._near_null, definite=self._definite, first=False
         )
@@ -229,7 +230,12 @@ class Factor:
             check_solution(self.K, applied.x, b)
         return applied
 
-    def _refuse_when_spent(self) -> None:
+    def refuse_when_spent(self) -> None:
+        """Raise when this factor's matrix or factorisation is gone.
+
+        Raises:
+            FeaError: with what became of it.
+        """
         if self._spent:
             raise FeaError(f"This factor cannot be used again: it {self._spent}.")
 

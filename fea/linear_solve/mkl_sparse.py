@@ -127,6 +127,12 @@ def in_blocks(matrix: bsr_array, size: int) -> bsr_array:
     return bsr_array((data, indices, indptr), matrix.shape)
 
 
+def single(matrix: bsr_array) -> bsr_array:
+    """The same matrix in single precision; both share their indices."""
+    parts = (matrix.data.astype(np.float32), matrix.indices, matrix.indptr)
+    return bsr_array(parts, matrix.shape)
+
+
 def merged_blocks(matrix: bsr_array, size: int) -> bsr_array:
     """Join square blocks into larger ones, each of which must be there as a whole."""
     parts = size // matrix.blocksize[0]

@@ -39,6 +39,10 @@ SHIFT = 1e-10
 # solve; a free motion is most of the field.
 ROUGH, HALF_SOLVED, LOST = 0.3, 1e-2, 0.3
 
+# Steps that take rounding of single precision off a free motion: 74 times the noise became 5 after 6
+# steps, 2 after 12 and 0.2 after 18.
+DESCENTS = 24
+
 # A motion whose energy, over that of its dofs moved one by one, is above this is held; below, it is
 # compared with the noise. A clamped bar 100 times as long as thick under an end load has 7e-10.
 STIFF = 1e-9
@@ -131,7 +135,23 @@ def check_held(K: Matrix, solve: Callable[[np.ndarray, float], np.ndarray]) -> N
     lost = y - solve(K @ y, HALF_SOLVED)
     if np.linalg.norm(root * lost[:, 0]) > LOST * np.linalg.norm(root * y[:, 0]):
         lost -= solve(K @ lost, SHIFT)
-        check_motion(K, lost[:, 0])
+        check_motion(K, _without_roughness(K, lost[:, 0]))
+
+
+def _without_roughness(K: Matrix, motion: Float[np.ndarray, " dofs"]) -> Float[np.ndarray, " dofs"]:
+    """A motion with less energy, by steepest descent scaled with the diagonal.
+
+    Multigrid's single precision leaves roughness on a free motion, which has energy.
+    """
+    diagonal = diagonal_of(K)
+    for _ in range(DESCENTS):
+        force = K @ motion
+        down = force / diagonal
+        work, energy = float(down @ force), float(down @ (K @ down))
+        if not (work > 0 and energy > 0):
+            break
+        motion = motion - work / energy * down
+    return motion
 
 
 def softest_motion(

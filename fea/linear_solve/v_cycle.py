@@ -29,15 +29,15 @@ class Level:
 
     Attributes:
         matrix: symmetric positive definite, its diagonal blocks identities.
-        largest: bound of its eigenvalues from above.
         prolong: from the next coarser level to this.
         restrict: its transpose.
+        largest: bound of the eigenvalues of the matrix from above.
     """
 
     matrix: ThreadedMatrix
-    largest: float
     prolong: ThreadedMatrix
     restrict: ThreadedMatrix
+    largest: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -213,7 +213,7 @@ def fill(sheet: Sheet, part: Part, how: Filling, f: Field) -> None:
     around = HexGrid.around(part.bounds, (x, y, z), margin_cells=1, radius_mm=how.radius_mm)
     grid, remark = warped(around, f, LeastSquares(), contrast=2.5)
     net = map_structure(unit_cell("octet"), grid.nodes, how.radius_mm)
-    inside = trim(net, part, attached_to_skin=how.skin_mm > 0).structure
+    inside = trim(net, part, skin_mm=how.skin_mm).structure
     lattice = lattice_solid(inside, tolerance_mm=tolerance)
     for kind, combine in (("rod", rod_result), ("plate", plate_result)):
         result = combine(part.surface, lattice, skin_mm=how.skin_mm, tolerance_mm=tolerance)

@@ -33,8 +33,9 @@ CONTRACT = {
     ],
     "sizing": [
         "method", "iterations", "converged", "compliance_before_Nmm", "compliance_after_Nmm",
-        "volume_mm3", "max_utilisation", "min_radius_mm", "max_radius_mm",
+        "volume_mm3", "max_utilisation", "max_euler_utilisation", "min_radius_mm", "max_radius_mm",
     ],
+    "skin": ["triangles", "thickness_mm", "max_von_mises_MPa", "max_utilisation"],
     "lattice": ["triangles", "watertight", "volume_mm3", "genus"],
     "result": [
         "triangles", "watertight", "volume_mm3", "mass_g", "relative_density",
@@ -72,7 +73,7 @@ def test_the_report_has_every_key_of_the_contract(done: Path):
     report = json.loads((done / "out" / "report.json").read_text())
     for section, keys in CONTRACT.items():
         assert set(keys) <= set(report[section]), section
-    assert report["model"] == "frame"
+    assert report["model"] == "frame and skin"
     assert (
         report["seconds"]["total"]
         >= sum(v for k, v in report["seconds"].items() if k != "total") - 0.1

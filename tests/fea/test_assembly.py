@@ -27,7 +27,7 @@ def as_pairs(values, corners, block):
 
 def assembled(seed, corners, block):
     owners, values = elements(seed, corners, block)
-    pattern = Pattern.from_nodes(owners, NODES)
+    pattern = Pattern.from_groups([owners], NODES)
     return pattern, pattern.assemble(as_pairs(values, corners, block)), owners, values
 
 
@@ -52,18 +52,18 @@ def test_assembly_is_the_sum_of_element_matrices(seed, block, corners):
 def test_a_pair_taken_without_its_transpose_is_noticed():
     """Negative control: element blocks handed over the wrong way round."""
     owners, values = elements(0, 4, 3)
-    pattern = Pattern.from_nodes(owners, NODES)
+    pattern = Pattern.from_groups([owners], NODES)
     wrong = as_pairs(values, 4, 3).transpose(0, 1, 3, 2)
     assert np.abs(pattern.assemble(wrong).toarray() - dense(owners, values, 3)).max() > 0.1
 
 
 def test_nodes_out_of_range_are_refused():
     with pytest.raises(FeaError, match="nodes 0 to 5"):
-        Pattern.from_nodes(np.array([[0, 6]]), 6)
+        Pattern.from_groups([np.array([[0, 6]])], 6)
 
 
 def test_a_node_without_elements_is_an_explicit_zero_pivot():
-    K = Pattern.from_nodes(np.array([[0, 1]]), 3).assemble(np.ones((1, 3, 2, 2)))
+    K = Pattern.from_groups([np.array([[0, 1]])], 3).assemble(np.ones((1, 3, 2, 2)))
     assert K.indptr[3] - K.indptr[2] == 1
     assert not K.toarray()[4:].any()
 

@@ -183,7 +183,7 @@ def test_a_face_with_other_diagonals_is_no_hinge():
 def singular(mesh, fixed):
     """Whether the stiffness without the fixed dofs has a null vector, by its eigenvalues."""
     problem = SolidProblem.from_supports(mesh, material("steel"), [], np.zeros(mesh.nodes.shape))
-    K = problem.stiffness(Pattern.from_nodes(mesh.tets, len(mesh.nodes))).toarray()
+    K = problem.stiffness(Pattern.from_groups([mesh.tets], len(mesh.nodes))).toarray()
     free = np.flatnonzero(~fixed)
     values = np.linalg.eigvalsh(K[np.ix_(free, free)])
     return len(values) > 0 and bool(values[0] < 1e-10 * np.abs(K).max())

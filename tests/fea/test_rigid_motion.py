@@ -109,7 +109,7 @@ def test_rigid_body_modes_have_no_elastic_energy():
     problem = SolidProblem.from_supports(
         mesh, material("steel"), [], np.zeros((1, *mesh.nodes.shape))
     )
-    K = problem.stiffness(Pattern.from_nodes(mesh.tets, len(mesh.nodes)))
+    K = problem.stiffness(Pattern.from_groups([mesh.tets], len(mesh.nodes)))
     # Rounding of K, whose entries are about 1e5.
     np.testing.assert_allclose(
         K @ rigid_body_modes(mesh.nodes), 0, atol=1e-9 * np.abs(K.data).max()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xmlschema
 
-from texmap_opt.cells.catalogue import cell_names, unit_cell
+from texmap_opt.cells.catalogue import alias_names, cell_names, unit_cell
 from texmap_opt.cells.rigidity import maxwell_number, mechanisms
 from texmap_opt.cells.unit_cell import SECTIONS, TICKS, TILINGS
 from texmap_opt.cells.unit_cell_xml import read_unit_cell
@@ -20,11 +20,23 @@ FILES = sorted(LIBRARY.glob("*.xml"))
 BLOCK_OF = {
     "bcc": lambda n: ((n + 1) ** 3 + n**3, 8 * n**3),
     "cube": lambda n: ((n + 1) ** 3, 3 * n * (n + 1) ** 2),
+    # Middles of the cubes' edges, four tetrahedra and the middle of each cube; all struts inside.
+    "diamond": lambda n: (3 * n * (n + 1) ** 2 + 5 * n**3, 16 * n**3),
     "octahedron": lambda n: (3 * n**2 * (n + 1), 12 * n**3),
     "octet": lambda n: ((n + 1) ** 3 + 3 * n**2 * (n + 1), 12 * n**2 * (n + 1) + 12 * n**3),
+    # A square in each face, and the twelve struts between the squares.
+    "tetrakaidecahedron": lambda n: (12 * n**2 * (n + 1), 12 * n**2 * (n + 1) + 12 * n**3),
     "vector": lambda n: ((n + 1) ** 3 + n**3, 3 * n * (n + 1) ** 2 + 8 * n**3),
 }
-MAXWELL = {"bcc": -13, "cube": -6, "octahedron": 0, "octet": 0, "vector": -1}
+MAXWELL = {
+    "bcc": -13,
+    "cube": -6,
+    "diamond": -29,
+    "octahedron": 0,
+    "octet": 0,
+    "tetrakaidecahedron": -30,
+    "vector": -1,
+}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +51,15 @@ def path(request) -> Path:
 
 def test_the_library_is_what_the_catalogue_lists():
     assert cell_names() == [path.stem for path in FILES]
-    assert {"bcc", "cube", "octahedron", "octet", "vector"} <= set(cell_names())
+    assert set(BLOCK_OF) <= set(cell_names())
+
+
+def test_an_alias_is_another_name_of_one_cell_and_no_cells_own_name():
+    aliases = [alias for path in FILES for alias in read_unit_cell(path).aliases]
+    assert len(set(aliases)) == len(aliases)
+    assert not set(aliases) & set(cell_names())
+    assert set(alias_names()) == set(aliases)
+    assert unit_cell("kelvin").name == "tetrakaidecahedron"
 
 
 def test_follows_the_schema(path: Path, schema: xmlschema.XMLSchema):
@@ -122,9 +142,22 @@ def test_cube_shears_three_ways_and_bcc_stretches_two_ways_for_free():
     assert mechanisms(unit_cell("bcc")).strain_producing == 2
 
 
-def test_octet_joint_is_where_twelve_struts_meet():
-    """Deshpande, Fleck, Ashby, J. Mech. Phys. Solids 49 (2001) 1747: nodal connectivity 12."""
-    net = tile(unit_cell("octet"), (3, 3, 3))
+@pytest.mark.parametrize(
+    ("name", "valence", "length"),
+    [
+        ("octet", 12, 1 / np.sqrt(2)),
+        ("kelvin", 4, 1 / (2 * np.sqrt(2))),
+        ("diamond", 4, np.sqrt(3) / 4),
+    ],
+)
+def test_as_many_struts_meet_at_every_joint_all_of_one_length(name, valence, length):
+    """Deshpande, Fleck, Ashby, J. Mech. Phys. Solids 49 (2001) 1747: octet, connectivity 12.
+
+    Warren, Kraynik, J. Appl. Mech. 64 (1997) 787: the Kelvin foam; diamond: bonds of sqrt(3)/4.
+    """
+    net = tile(unit_cell(name), (3, 3, 3))
     degree = np.bincount(net.struts.reshape(-1))
     inside = ((net.joints > 0.1) & (net.joints < 2.9)).all(axis=1)
-    np.testing.assert_array_equal(degree[inside], 12)
+    np.testing.assert_array_equal(degree[inside], valence)
+    ends = net.joints[net.struts]
+    np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), length, rtol=1e-12)

@@ -7,7 +7,7 @@ import pytest
 from solid_cases import exact_fields, lame_and_kirsch, published, scikit_fem
 from solid_cases.exact_fields import PATCH_MATERIAL, linear_field, macneal_harder_cube
 from solid_cases.mapped_mesh import field_support
-from solid_targets import BENCHMARKS
+from targets import BENCHMARKS
 
 from fea import FeaError, SolidProblem, TetMesh, body_forces, quadrature_stress, solve_solid
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from texmap_opt.cells.unit_cell import UnitCell
-from texmap_opt.cells.unit_cell_xml import read_unit_cell
+from texmap_opt.cells.unit_cell_xml import read_aliases, read_unit_cell
 from texmap_opt.errors import CellError, nearest_name
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -16,11 +16,20 @@ def cell_names() -> list[str]:
     return sorted(path.stem for path in _library().glob("*.xml"))
 
 
+def alias_names() -> dict[str, str]:
+    """Other names of cells in the library, and the name of the cell that each stands for."""
+    return {
+        alias: path.stem
+        for path in sorted(_library().glob("*.xml"))
+        for alias in read_aliases(path)
+    }
+
+
 def unit_cell(name_or_path: str | Path, *, base: Path | None = None) -> UnitCell:
-    """A cell of the library by its name, or one read from a file.
+    """A cell of the library by its name or alias, or one read from a file.
 
     Args:
-        name_or_path: "octet", or the path of a unit-cell XML file.
+        name_or_path: "octet", "kelvin", or the path of a unit-cell XML file.
         base: folder that a relative path refers to; None: the working directory.
 
     Raises:
@@ -31,10 +40,13 @@ def unit_cell(name_or_path: str | Path, *, base: Path | None = None) -> UnitCell
     path = Path(name_or_path)
     if path.suffix.lower() == ".xml" or len(path.parts) > 1:
         return read_unit_cell(path if base is None else base / path)
+    aliases = alias_names()
+    if str(name_or_path) in aliases:
+        return read_unit_cell(_library() / f"{aliases[str(name_or_path)]}.xml")
+    known = nearest_name(str(name_or_path), [*cell_names(), *aliases])
     raise CellError(
-        f'unit cell "{name_or_path}" is not in the library; '
-        f"{nearest_name(str(name_or_path), cell_names())} A file of your own is given by its path, "
-        "ending in .xml."
+        f'unit cell "{name_or_path}" is not in the library; {known} A file of your own is given by '
+        "its path, ending in .xml."
     )
 
 

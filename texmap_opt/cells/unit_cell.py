@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from texmap_opt.cells.joint_model import JointModel
+
 SECTIONS = ("round", "square")
 TILINGS = ("translate", "mirror")
 CLASSIFICATIONS = ("stretching", "bending")
@@ -31,6 +33,8 @@ class UnitCell:
         classification: "stretching" or "bending" (Deshpande, Ashby, Fleck 2001).
         source: publication.
         description: one or two sentences.
+        aliases: other names it goes by.
+        joint_model: what its joints add to a frame; None where nobody has calibrated it.
     """
 
     name: str
@@ -43,6 +47,8 @@ class UnitCell:
     classification: str
     source: str
     description: str
+    aliases: tuple[str, ...] = ()
+    joint_model: JointModel | None = None
 
     @property
     def ticks(self) -> Int[np.ndarray, "joints 3"]:

@@ -1,6 +1,7 @@
 """Unit cells from XML files (schema: library/unit_cell.xsd); reading one checks it."""
 
 import re
+from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
 from typing import NoReturn
@@ -10,6 +11,7 @@ import scipy.sparse.csgraph
 from jaxtyping import Bool, Float
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  (compiled)
 
+from texmap_opt.cells.joint_model import JointModel
 from texmap_opt.cells.unit_cell import CLASSIFICATIONS, SECTIONS, TICKS, TILINGS, UnitCell
 from texmap_opt.errors import CellError, nearest_name
 from texmap_opt.structure.tile import tile
@@ -32,11 +34,24 @@ def read_unit_cell(path: Path) -> UnitCell:
             a joint without struts, a strut of no length or given twice, opposite faces that do not
             match, a net that falls apart when it is tiled.
     """
+    return _Reader(path.name).cell(_root(path))
+
+
+def read_aliases(path: Path) -> tuple[str, ...]:
+    """Other names of the cell in a file, whatever else is in it.
+
+    Raises:
+        CellError: when the file cannot be read, is not XML, or a name has impossible letters.
+    """
+    return _Reader(path.name).aliases(_root(path))
+
+
+def _root(path: Path) -> etree._Element:
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True
     )
     try:
-        root = etree.parse(str(path), parser).getroot()
+        return etree.parse(str(path), parser).getroot()
     except etree.XMLSyntaxError as failure:
         raise CellError(
             f"{path.name}, line {failure.lineno}: is not XML ({failure.msg})."
@@ -45,7 +60,6 @@ def read_unit_cell(path: Path) -> UnitCell:
         raise CellError(
             f"{path}: unit-cell file cannot be read; give an existing file or a library name."
         ) from failure
-    return _Reader(path.name).cell(root)
 
 
 class _Reader:
@@ -59,7 +73,7 @@ class _Reader:
 
     def cell(self, root: etree._Element) -> UnitCell:
         self.expect_tag(root, "unit_cell")
-        self.expect_attributes(root, {"name", "section", "tiling", "classification"})
+        self.expect_attributes(root, {"name", "section", "tiling", "classification"}, {"aliases"})
         parts = self.children(root)
         names, joints = self.joints(parts["joints"])
         struts, relative_radius = self.struts(parts["struts"], names)
@@ -74,6 +88,8 @@ class _Reader:
             classification=self.choice(root, "classification", CLASSIFICATIONS),
             source=self.text(parts["source"]),
             description=self.text(parts["description"]),
+            aliases=self.aliases(root),
+            joint_model=self.joint_model(parts.get("joint_model")),
         )
         self.check_joints(cell, parts["joints"])
         if cell.tiling == "translate":
@@ -82,7 +98,7 @@ class _Reader:
         return cell
 
     def children(self, root: etree._Element) -> dict[str, etree._Element]:
-        order = ["description", "source", "joints", "struts"]
+        order = ["description", "source", "joints", "struts", "joint_model"]
         found = {}
         for child in root:
             if child.tag not in order:
@@ -90,10 +106,11 @@ class _Reader:
             if child.tag in found:
                 self.refuse(child, f"a second <{child.tag}>; a cell has one.")
             found[child.tag] = child
-        missing = [tag for tag in order if tag not in found]
+        needed = order[:-1]
+        missing = [tag for tag in needed if tag not in found]
         if missing:
-            self.refuse(root, f"<{missing[0]}> is missing; a cell has " + ", ".join(order) + ".")
-        if list(found) != order:
+            self.refuse(root, f"<{missing[0]}> is missing; a cell has " + ", ".join(needed) + ".")
+        if list(found) != [tag for tag in order if tag in found]:
             self.refuse(root, "the elements must come in the order " + ", ".join(order) + ".")
         return found
 
@@ -170,6 +187,41 @@ class _Reader:
         if not lines:
             self.refuse(element, "there are no struts; a cell needs at least one.")
         return np.array(list(lines)), np.array(radii)
+
+    def joint_model(self, element: etree._Element | None) -> JointModel | None:
+        if element is None:
+            return None
+        names = [field.name for field in fields(JointModel)]
+        self.expect_attributes(element, set(names))
+        values = {name: self.number(element, name) for name in names}
+        for name in ("rigid_end", "slenderness", "error"):
+            if values[name] < 0:
+                self.refuse(element, f"{name} is {values[name]:g}; it must not be negative.")
+        model = JointModel(**values)
+        # Half the strut at either end, at most, and a factor above zero.
+        if not model.rigid_end * model.slenderness < 1 / 2:
+            self.refuse(
+                element,
+                f"struts of slenderness {model.slenderness:g} would be rigid from end to end; "
+                "lower slenderness or rigid_end.",
+            )
+        if not 1 + model.modulus * model.slenderness > 0:
+            self.refuse(
+                element,
+                f"the modulus of struts of slenderness {model.slenderness:g} would not be positive; "
+                "lower slenderness, or raise modulus.",
+            )
+        return model
+
+    def number(self, element: etree._Element, key: str) -> float:
+        text = str(element.attrib[key])
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            self.refuse(element, f'{key} is "{text}"; it must be a number.')
+        return value
 
     def radius(self, strut: etree._Element) -> float:
         text = strut.attrib.get("radius", "1")
@@ -252,7 +304,13 @@ class _Reader:
                 self.refuse(element, f'<{element.tag}> lacks its attribute "{key}".')
 
     def name(self, element: etree._Element, key: str) -> str:
-        text = str(element.attrib[key])
+        return self.word(element, key, str(element.attrib[key]))
+
+    def aliases(self, root: etree._Element) -> tuple[str, ...]:
+        words = str(root.attrib.get("aliases", "")).split()
+        return tuple(self.word(root, "aliases", word) for word in words)
+
+    def word(self, element: etree._Element, key: str, text: str) -> str:
         if not NAME.fullmatch(text):
             self.refuse(
                 element,

@@ -13,9 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from fea.effective_stiffness import DirectionalModulus
 from texmap_opt.errors import OutputError
-from texmap_opt.report.scenes import Cell, LoadedPart, PlannedPart, Scene
+from texmap_opt.report.scenes import Cell, LoadedPart, PlannedPart, Scene, StiffnessSurface
 from texmap_opt.report.view import Eye, best_eye, eyes
+from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.structure import Structure
 
 REMEDY = (
@@ -105,14 +107,33 @@ def draw_cell(structure: Structure, png: Path) -> None:
     Raises:
         OutputError: when this machine cannot draw, or the file cannot be written.
     """
-    scene = Cell(structure.joints, structure.struts, structure.radii)
+    _draw_one(Cell(structure.joints, structure.struts, structure.radii), png)
+
+
+def draw_stiffness(modulus: DirectionalModulus, png: Path, *, quantity: str) -> None:
+    """Draw the surface of Young's modulus over all directions.
+
+    Args:
+        modulus: the surface.
+        png: where the picture goes.
+        quantity: what the modulus is, for the colour bar.
+
+    Raises:
+        OutputError: when this machine cannot draw, or the file cannot be written.
+    """
+    # Over its largest value: pictures do not depend on the unit.
+    surface = TriMesh(modulus.vertices / modulus.E.max(), modulus.faces)
+    _draw_one(StiffnessSurface(surface, modulus.E, quantity), png)
+
+
+def _draw_one(scene: Scene, png: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="texmap-cell-") as folder:
-        drawn = draw({"cell": scene}, Path(folder), timeout_s=CELL_TIMEOUT_S)
+        drawn = draw({"scene": scene}, Path(folder), timeout_s=CELL_TIMEOUT_S)
         if drawn.missing:
-            raise OutputError(f"{png}: no picture: {drawn.missing['cell']}.")
+            raise OutputError(f"{png}: no picture: {drawn.missing['scene']}.")
         try:
             half_written = png.with_name(png.name + ".part")
-            half_written.write_bytes(drawn.pictures["cell"].read_bytes())
+            half_written.write_bytes(drawn.pictures["scene"].read_bytes())
             half_written.replace(png)
         except OSError as failure:
             raise OutputError(f"{png} cannot be written: {failure.strerror}.") from failure

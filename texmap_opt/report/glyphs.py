@@ -19,6 +19,9 @@ LEAST_RING, LARGEST_RING = 0.05, 0.11
 # Shape of an arrow, as fractions of its length.
 SHAFT_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.035, 0.1, 0.3
 
+# Axes reach this far past the surface they cross; their radius. Fractions of its largest coordinate.
+AXIS_BEYOND, AXIS_RADIUS = 0.18, 0.008
+
 # Below this cosine to the normal a force shears.
 SHEARS = 0.35
 
@@ -62,6 +65,25 @@ def arrows(tails: Float[np.ndarray, "samples 3"], tips: Float[np.ndarray, "sampl
     struts = np.concatenate([np.stack([i, i + n], 1), np.stack([i + n, i + 2 * n], 1)])
     radii = np.concatenate([length * [[SHAFT_RADIUS, SHAFT_RADIUS]], length * [[HEAD_RADIUS, 0.0]]])
     return tubes(points, struts, radii, sides=SIDES)[0]
+
+
+def axis_arrows(surface: TriMesh) -> tuple[TriMesh, TriMesh, TriMesh]:
+    """An arrow along x, y and z through a surface round the origin, out of it on both sides.
+
+    On both, as the side with the head may be hidden.
+    """
+    size = float(np.abs(surface.vertices).max())
+    low = surface.vertices.min(axis=0) - AXIS_BEYOND * size
+    high = surface.vertices.max(axis=0) + AXIS_BEYOND * size
+    radii = AXIS_RADIUS * size * np.array([[1.0, 1.0], [3.0, 0.0]])
+
+    def arrow(axis: int) -> TriMesh:
+        direction = np.eye(3)[axis]
+        stations = np.array([low[axis], high[axis] - 8 * AXIS_RADIUS * size, high[axis]])
+        ends = np.array([[0, 1], [1, 2]])
+        return tubes(stations[:, None] * direction, ends, radii, sides=SIDES)[0]
+
+    return arrow(0), arrow(1), arrow(2)
 
 
 @dataclass(frozen=True, eq=False)

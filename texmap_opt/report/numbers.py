@@ -13,6 +13,7 @@ try:
 except ModuleNotFoundError:  # Windows has no such accounting.
     resource = None
 
+from fea.frame_checks import pieces_of
 from texmap_opt.part_file import open_edges
 from texmap_opt.progress import Progress
 from texmap_opt.run_result import Run
@@ -33,7 +34,7 @@ def report_numbers(run: Run, progress: Progress, *, snapped_mm: float) -> dict[s
     case = run.case
     return {
         "version": importlib.metadata.version("texmap-opt"),
-        "model": "frame",
+        "model": _model(run),
         "case_file": case.path.name,
         "seconds": dict(progress.seconds) | {"total": progress.total()},
         "peak_memory_mb": peak_memory_mb(),
@@ -63,6 +64,8 @@ def report_numbers(run: Run, progress: Progress, *, snapped_mm: float) -> dict[s
         "warp": _warp(run),
         "structure": _structure(run),
         "sizing": _sizing(run),
+        "skin": _skin(run),
+        "joint_model": _joint_model(run),
         "lattice": _lattice(run),
         "result": _result(run, snapped_mm),
         "warnings": list(progress.warnings),
@@ -129,10 +132,59 @@ def _structure(run: Run) -> dict[str, Any]:
         "cells_mm": grid.uniform_edge.tolist(),
         "joints": len(structure.joints),
         "struts": len(structure.struts),
-        "connected_components": int(structure.components().max()) + 1,
+        "connected_components": _pieces(run),
         "total_length_mm": float(structure.lengths().sum()),
         "trimmed": asdict(run.trimmed.counts),
     }
+
+
+def _model(run: Run) -> str | None:
+    """How the lattice was analysed; None where it is a void."""
+    model = run.filling.model
+    if model is None:
+        return None
+    return "frame" if model.skin is None else "frame and skin"
+
+
+def _pieces(run: Run) -> int:
+    """Connected pieces of the structure, skin included where it is modelled."""
+    sized, structure = run.filling.sized, run.filling.structure
+    if sized is None:
+        return int(structure.components().max()) + 1
+    frame = sized.solution.problem
+    return pieces_of(len(frame.joints), frame.links)[0]
+
+
+def _skin(run: Run) -> dict[str, Any] | None:
+    """What the frame knows of the skin; None where there is none or no frame."""
+    sized = run.filling.sized
+    model = run.filling.model
+    if sized is None or model is None or model.skin is None:
+        return None
+    skin, stress = model.skin, sized.strength.skin_von_mises
+    yield_stress = run.case.material.yield_stress
+    worst = None if stress is None else float(stress.max())
+    return {
+        "triangles": len(skin.mesh.surface.faces),
+        "thickness_mm": run.case.lattice.skin_mm,
+        "least_thickness_mm": float(skin.mesh.thickness.min()),
+        "thin_share": skin.mesh.thin_share,
+        "held_back": skin.mesh.held_back,
+        "tied_joints": len(skin.tie.nodes),
+        "longest_arm_mm": skin.longest_arm,
+        "struts_in_skin": int((skin.beyond > -np.inf).sum()),
+        "max_von_mises_MPa": worst,
+        "max_utilisation": None if worst is None or yield_stress is None else worst / yield_stress,
+    }
+
+
+def _joint_model(run: Run) -> dict[str, Any] | None:
+    """What the frame's joints are stiffened by; None where they are not."""
+    filling = run.filling
+    if filling.model is None or filling.model.zones is None:
+        return None
+    zones = filling.model.zones
+    return asdict(zones.model) | {"thicker_share": zones.thicker(filling.structure.radii)}
 
 
 def _sizing(run: Run) -> dict[str, Any]:
@@ -145,6 +197,7 @@ def _sizing(run: Run) -> dict[str, Any]:
             "compliance_after_Nmm",
             "volume_mm3",
             "max_utilisation",
+            "max_euler_utilisation",
             "min_radius_mm",
             "max_radius_mm",
         )
@@ -159,6 +212,7 @@ def _sizing(run: Run) -> dict[str, Any]:
         "volume_mm3": sized.volume,
         "volume_fraction": sized.volume / run.part.volume,
         "max_utilisation": sized.max_utilisation,
+        "max_euler_utilisation": float(sized.strength.euler_utilisation.max()),
         "min_radius_mm": sized.min_radius,
         "max_radius_mm": sized.max_radius,
         "residual": sized.solution.residual,

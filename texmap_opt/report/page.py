@@ -183,9 +183,11 @@ def _headline(report: Report) -> str:
             sign = "+" if change > 0 else "\N{MINUS SIGN}"
             note = f"{digits(before)} before sizing: {sign}{abs(change):.1f}&nbsp;%"
         merits.append(_merit("Compliance", f"{digits(after)} <small>N mm</small>", note))
-    if sizing.get("max_utilisation") is not None:
-        use = sizing["max_utilisation"]
-        note = "above yield" if use > 1 else "of yield, in the worst strut"
+    of_struts = sizing.get("max_utilisation")
+    if of_struts is not None:
+        of_skin = _of(report, "skin").get("max_utilisation")
+        use, where = max((of_struts, "in the worst strut"), (of_skin or 0.0, "in the skin"))
+        note = f"above yield, {where}" if use > 1 else f"of yield, {where}"
         merits.append(_merit("Utilisation", tables.percent(use), note, "bad" if use > 1 else ""))
     if _of(report, "structure").get("struts") is not None:
         structure = _of(report, "structure")
@@ -260,8 +262,12 @@ def _sizing(report: Report, shown: _Figures, data: PlotData) -> str:
         limit = 1.0 if data.utilisation.max() > 0.5 else None
         svg = plots.histogram(data.utilisation, "utilisation", limit=limit)
         drawn.append((svg, "Worst stress in each strut over the yield stress."))
-    rows = table(sizing, tables.SIZING)
-    return _section("Sizing", [rows], [shown.of("utilisation")], _plots(*drawn))
+    left = [
+        table(sizing, tables.SIZING),
+        _titled("Skin", table(_of(report, "skin"), tables.SKIN)),
+        _titled("Joint model", table(_of(report, "joint_model"), tables.JOINT_MODEL)),
+    ]
+    return _section("Sizing", left, [shown.of("utilisation")], _plots(*drawn))
 
 
 def _result(report: Report, shown: _Figures) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from texmap_opt.report.glyphs import Glyph, diagonal, glyph
+from texmap_opt.report.glyphs import Glyph, axis_arrows, diagonal, glyph
 from texmap_opt.report.overlay import (
     SECTION_COLOUR,
     Badge,
@@ -30,6 +30,7 @@ from texmap_opt.report.scenes import (
     Mark,
     PlannedPart,
     Scene,
+    StiffnessSurface,
     Struts,
     WarpedGrid,
     Whole,
@@ -51,6 +52,8 @@ BEHIND_COLOUR = "#93a2b1"
 
 # Numbers on the picture keep this distance [pixels].
 BADGE_GAP = 34
+
+AXIS_COLOURS = {"x": "#d62828", "y": "#2a9d4b", "z": "#1f6fd6"}
 
 MATT: dict[str, Any] = {"ambient": 0.2, "diffuse": 0.85, "specular": 0.12, "specular_power": 20}
 
@@ -99,6 +102,7 @@ def draw_scene(scene: Scene, eye: Eye, png: Path) -> None:
         Whole: _whole,
         Cell: _cell,
         PlannedPart: _planned_part,
+        StiffnessSurface: _stiffness_surface,
     }[type(scene)]
     overlay = draw(plotter, scene, eye)
     image = plotter.screenshot(return_img=True)
@@ -336,6 +340,23 @@ def _cell(plotter: pv.Plotter, scene: Cell, eye: Eye) -> Overlay:
     grown = np.concatenate([np.asarray(box.points), shape.vertices])
     _look(plotter, grown, eye, PLAIN)
     return Overlay()
+
+
+def _stiffness_surface(plotter: pv.Plotter, scene: StiffnessSurface, eye: Eye) -> Overlay:
+    bar = Bar(scene.quantity, "viridis", *scene.colour_range)
+    mesh = _poly(scene.surface).compute_normals(cell_normals=False, split_vertices=False)
+    mesh.point_data["values"] = scene.modulus
+    _add_coloured(plotter, mesh, bar, smooth_shading=True)
+    axes = axis_arrows(scene.surface)
+    for axis, colour in zip(axes, AXIS_COLOURS.values(), strict=True):
+        _surface(plotter, axis, color=colour)
+    _look(
+        plotter,
+        np.concatenate([shape.vertices for shape in (scene.surface, *axes)]),
+        eye,
+        BESIDE_BAR,
+    )
+    return Overlay(bar, legend=tuple((0, *item) for item in AXIS_COLOURS.items()))
 
 
 def _planned_part(plotter: pv.Plotter, scene: PlannedPart, eye: Eye) -> Overlay:

@@ -8,6 +8,9 @@ from jaxtyping import Bool, Float, Int
 
 from texmap_opt.solid.tri_mesh import TriMesh
 
+# A modulus that varies by less than this share over the directions is shown as constant.
+ISOTROPIC = 1e-3
+
 
 class Action(Enum):
     """What a mark on the part stands for."""
@@ -137,7 +140,28 @@ class PlannedPart:
     grid: Float[np.ndarray, "i j k 3"]
 
 
-Scene = LoadedPart | WarpedGrid | Struts | CutOpen | Whole | Cell | PlannedPart
+@dataclass(frozen=True, eq=False)
+class StiffnessSurface:
+    """A surface whose distance from the origin is the modulus in that direction.
+
+    Attributes:
+        surface: round the origin, in units of the largest modulus.
+        modulus: at its vertices: what the colour shows.
+        quantity: name for the colour bar; lines end with a newline.
+    """
+
+    surface: TriMesh
+    modulus: Float[np.ndarray, " vertices"]
+    quantity: str
+
+    @property
+    def colour_range(self) -> tuple[float, float]:
+        """Lowest and highest colour; one colour for a sphere, not its rounding over the scale."""
+        low, high = float(self.modulus.min()), float(self.modulus.max())
+        return (low if high - low > ISOTROPIC * high else 0.0), high
+
+
+Scene = LoadedPart | WarpedGrid | Struts | CutOpen | Whole | Cell | PlannedPart | StiffnessSurface
 
 
 def cell_sizes(nodes: Float[np.ndarray, "i j k 3"]) -> Float[np.ndarray, "x y z"]:

@@ -169,11 +169,27 @@ SIZING = (
     Row("volume_mm3", "lattice volume, overlaps counted once", quantity("mm³")),
     Row("volume_fraction", "of the part's volume", percent),
     Row("max_utilisation", "largest utilisation (stress over yield)", percent),
+    Row("max_euler_utilisation", "largest compression over Euler's load", percent),
     Row("min_radius_mm", "smallest radius", quantity("mm", 3)),
     Row("max_radius_mm", "largest radius", quantity("mm", 3)),
     Row("iterations", "iterations", count),
     Row("converged", "converged", yes_no),
     Row("message", "remark", text),
+)
+SKIN = (
+    Row("triangles", "triangles", count),
+    Row("thickness_mm", "thickness", quantity("mm", 3)),
+    Row("least_thickness_mm", "smallest thickness", quantity("mm", 3)),
+    Row("max_von_mises_MPa", "largest von Mises stress", quantity("MPa")),
+    Row("max_utilisation", "largest utilisation (stress over yield)", percent),
+    Row("tied_joints", "strut ends that it holds", count),
+)
+JOINT_MODEL = (
+    Row("rigid_end", "rigid end of a strut over its radius", quantity("", 3)),
+    Row("modulus", "change of modulus over radius/length", quantity("", 3)),
+    Row("slenderness", "fitted up to a radius/length of", quantity("", 3)),
+    Row("error", "error there, of the uniform cell, at most", percent),
+    Row("thicker_share", "struts thicker than that, counted as that", percent),
 )
 LATTICE = (
     Row("watertight", "watertight", yes_no),

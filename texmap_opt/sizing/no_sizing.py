@@ -4,7 +4,7 @@ import numpy as np
 
 from texmap_opt.frame_model import FrameModel
 from texmap_opt.sizing.problem import solve_model
-from texmap_opt.sizing.sized import AbstractSizing, Sized, SizingLimits, strut_utilisation
+from texmap_opt.sizing.sized import AbstractSizing, Sized, SizingLimits, Strength
 from texmap_opt.structure.volume import lattice_volume
 
 
@@ -24,6 +24,6 @@ class NoSizing(AbstractSizing):
             compliance_after=compliance,
             volume=lattice_volume(model.structure),
             history=np.array([compliance]),
-            utilisation=strut_utilisation(model, solution),
+            strength=Strength.of(model, solution),
             message="Radii were not sized.",
         )

@@ -14,7 +14,7 @@ from fea.frame import FrameSolution, solve_frame
 from texmap_opt.errors import AnalysisError, LatticeError, SizingError
 from texmap_opt.frame_model import FrameModel
 from texmap_opt.grid_plan import LEAST_PRINTABLE_RADIUS_MM
-from texmap_opt.sizing.sized import Sized, SizingLimits, strut_utilisation
+from texmap_opt.sizing.sized import Sized, SizingLimits, Strength
 from texmap_opt.structure.volume import LatticeVolume, uniform_radius
 
 # Default bounds as shares of the uniform radius of the same volume: thin enough for idle struts to
@@ -110,12 +110,10 @@ class SizingProblem:
         """
         solution = solve_model(self.model, _both_ends(radius), previous)
         gradient = compliance_gradient(solution)
-        into_radii = gradient["radii"].sum(axis=1)
-        if self.model.acceleration.any():
-            _, pull = jax.vjp(self.model.forces, jnp.asarray(_both_ends(radius)))
-            (by_weight,) = pull(jnp.asarray(gradient["forces"]))
-            into_radii = into_radii + np.asarray(by_weight).sum(axis=1)
-        return SizedFrame(solution, float(solution.compliance.sum()), into_radii)
+        values, pull = jax.vjp(self.model.parameters, jnp.asarray(_both_ends(radius)))
+        (into_radii,) = pull({name: jnp.asarray(gradient[name]) for name in values})
+        by_strut = np.asarray(into_radii).sum(axis=1)
+        return SizedFrame(solution, float(solution.compliance.sum()), by_strut)
 
     def volume_of(self, radius: Float[np.ndarray, " struts"]) -> float:
         """Overlap-corrected volume [mm³]."""
@@ -194,7 +192,7 @@ class SizingProblem:
             compliance_after=best.compliance,
             volume=float(self.measure(self.model.structure.joints, radii)),
             history=np.array(history),
-            utilisation=strut_utilisation(self.model, best.solution),
+            strength=Strength.of(self.model, best.solution),
             message=message,
         )
 

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fea.frame import FrameSolution
-from fea.strut_strength import utilisation
+from fea.shell_stress import skin_stress
+from fea.strut_strength import buckling_utilisation, utilisation
 from texmap_opt.frame_model import FrameModel
 from texmap_opt.structure.structure import Structure
 
@@ -29,6 +30,44 @@ class SizingLimits:
 
 
 @dataclass(frozen=True, eq=False)
+class Strength:
+    """How much struts and skin are asked for, the worst over the load cases.
+
+    Attributes:
+        utilisation: von Mises stress over yield of each strut; None without a yield stress.
+        euler_utilisation: compressive force of each strut over its Euler load, ends hinged; zero for
+            struts along the skin, which cannot buckle by themselves.
+        skin_von_mises: von Mises stress of each triangle of the skin [MPa], at the worst of bottom,
+            middle and top; None without a skin.
+    """
+
+    utilisation: Float[np.ndarray, " struts"] | None
+    euler_utilisation: Float[np.ndarray, " struts"]
+    skin_von_mises: Float[np.ndarray, " faces"] | None
+
+    @classmethod
+    def of(cls, model: FrameModel, solution: FrameSolution) -> "Strength":
+        """Of a solved frame.
+
+        Where the skin holds part of a strut's section, the frame's strut is the rest with the whole
+        section's area; its stress is that of the rest.
+
+        Args:
+            model: what was solved.
+            solution: its solution.
+        """
+        yield_stress = model.material.yield_stress
+        share = np.asarray(model.section_shares(solution.problem.radii))
+        return cls(
+            utilisation=None
+            if yield_stress is None
+            else utilisation(solution, yield_stress) / share,
+            euler_utilisation=np.where(share < 1, 0.0, buckling_utilisation(solution)),
+            skin_von_mises=_skin_von_mises(solution),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Sized:
     """A structure with its final radii.
 
@@ -41,7 +80,7 @@ class Sized:
         compliance_after: the same with the final radii [N mm].
         volume: overlap-corrected volume [mm³].
         history: compliance of each iteration [N mm].
-        utilisation: worst von Mises stress over yield of each strut; None without a yield stress.
+        strength: of the struts with these radii, and of the skin.
         message: how it ended, one sentence.
     """
 
@@ -53,8 +92,13 @@ class Sized:
     compliance_after: float
     volume: float
     history: Float[np.ndarray, " samples"]
-    utilisation: Float[np.ndarray, " struts"] | None
+    strength: Strength
     message: str
+
+    @property
+    def utilisation(self) -> Float[np.ndarray, " struts"] | None:
+        """Worst von Mises stress over yield of each strut, or None without a yield stress."""
+        return self.strength.utilisation
 
     @property
     def max_utilisation(self) -> float | None:
@@ -89,9 +133,9 @@ class AbstractSizing(eqx.Module):
         """
 
 
-def strut_utilisation(
-    model: FrameModel, solution: FrameSolution
-) -> Float[np.ndarray, " struts"] | None:
-    """Worst von Mises stress over yield of each strut; None when the yield stress is unknown."""
-    yield_stress = model.material.yield_stress
-    return None if yield_stress is None else utilisation(solution, yield_stress)
+def _skin_von_mises(solution: FrameSolution) -> Float[np.ndarray, " faces"] | None:
+    frame = solution.problem
+    if frame.skin is None:
+        return None
+    stress = skin_stress(frame.skin, frame.joints, solution.displacement)
+    return np.asarray(stress.von_mises).max(axis=(0, 2))

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from texmap_opt.errors import LatticeError
 from texmap_opt.part import Part
+from texmap_opt.solid.edges import Edges
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.strut_pieces import Pieces, strut_pieces
 
@@ -16,9 +19,13 @@ from texmap_opt.structure.strut_pieces import Pieces, strut_pieces
 SLIVER_SHARE = 0.05
 # ... and so is one shorter than this many radii: it lies inside the joint's own sphere.
 SLIVER_RADII = 1.0
-# Smallest share of the strut length that the largest connected piece must hold. Bits that fall off
-# at thin edges are a few per cent; more means that the part is not filled as asked.
+# Smallest share of the strut length that the largest connected piece must hold, where there is a skin
+# with all that hangs on it. Bits that fall off at thin edges are a few per cent; more means that
+# the part is not filled as asked.
 LEAST_SHARE = 0.9
+# A joint this many radii below the inner face of the skin has half a strut's section in common with
+# it: sqrt(1 - x²) of the radius is 1/sqrt(2).
+FUSED = 2**-0.5
 
 
 @dataclass(frozen=True)
@@ -32,8 +39,10 @@ class TrimCounts:
         slivers: pieces left out because they are too short.
         loose_struts: struts removed because an end held on to nothing.
         loose_share: their share of the length inside the part.
-        components: connected pieces that were left, before the largest was taken.
+        components: connected pieces that were left, before the largest was taken; all that hangs on
+            the skin is one.
         dropped_share: share of the strut length in the smaller pieces, which are dropped.
+        skin_only_share: share of it in pieces that only the skin connects to the longest.
         struts: struts of the result.
     """
 
@@ -45,6 +54,7 @@ class TrimCounts:
     loose_share: float
     components: int
     dropped_share: float
+    skin_only_share: float
     struts: int
 
 
@@ -53,34 +63,58 @@ class Trimmed:
     """A lattice trimmed to a part.
 
     Attributes:
-        structure: one connected net; `cut` marks the joints on the surface.
-        at_surface: joints on the surface, or whose own sphere reaches it: a skin holds them.
+        structure: one net, connected by itself or by the skin; `cut` marks the joints on the surface.
+        in_skin: joints that the skin holds; none without one.
         counts: what was removed.
     """
 
     structure: Structure
-    at_surface: Bool[np.ndarray, " joints"]
+    in_skin: Bool[np.ndarray, " joints"]
     counts: TrimCounts
+
+
+def held_by_skin(
+    cut: Bool[np.ndarray, " joints"],
+    depth: Float[np.ndarray, " joints"],
+    radius: Float[np.ndarray, " joints"],
+    skin_mm: float,
+) -> Bool[np.ndarray, " joints"]:
+    """Joints on the surface, those whose sphere reaches it, and those that the skin grows together with.
+
+    Args:
+        cut: joints on the surface.
+        depth: of the joints below the part's surface [mm].
+        radius: of their spheres [mm].
+        skin_mm: thickness of the skin [mm].
+    """
+    return cut | (depth <= np.maximum(skin_mm + FUSED * radius, radius))
+
+
+def joint_radii(structure: Structure) -> Float[np.ndarray, " joints"]:
+    """Radius of the thickest strut at each joint [mm]."""
+    radius = np.zeros(len(structure.joints))
+    np.maximum.at(radius, structure.struts, structure.radii)
+    return radius
 
 
 def trim(
     structure: Structure,
     part: Part,
     *,
-    attached_to_skin: bool,
+    skin_mm: float,
     in_region: Callable[[Float[np.ndarray, "n 3"]], Bool[np.ndarray, " n"]] | None = None,
     least_share: float = LEAST_SHARE,
 ) -> Trimmed:
     """Keep what lies inside a part: cut at the surface, no loose ends, one connected piece.
 
-    A joint with a single strut is a loose end, and goes with its strut, unless a skin holds it (it
-    is at the surface and there is a skin) or it lies in a region that is supported or loaded. That
-    is repeated until nothing is loose. Of the connected pieces the longest stays.
+    A joint with a single strut is a loose end, and goes with its strut, unless a skin holds it or it
+    lies in a region that is supported or loaded. That is repeated until nothing is loose. Of the
+    connected pieces the longest stays; pieces that the same skin holds are one.
 
     Args:
         structure: a lattice that overlaps the part, uncut.
         part: the part.
-        attached_to_skin: there is a skin, so ends at the surface hold.
+        skin_mm: thickness of the skin that holds ends at the surface [mm]; 0: there is none.
         in_region: says which points lie in a supported or loaded region; None: there are none.
         least_share: smallest share of the strut length that the largest piece must hold.
 
@@ -89,23 +123,25 @@ def trim(
             `least_share`.
     """
     pieces = strut_pieces(structure, part)
-    inside, at_surface, slivers = _without_slivers(pieces)
+    inside, depth, slivers = _without_slivers(pieces)
     if len(inside.struts) == 0:
         raise LatticeError(_nothing_inside(structure, part))
-    held = at_surface if attached_to_skin else np.zeros(len(inside.joints), bool)
-    if in_region is not None:
-        held = held | in_region(inside.joints)
+    in_skin = np.zeros(len(inside.joints), bool)
+    if skin_mm > 0:
+        in_skin = held_by_skin(inside.cut, depth, joint_radii(inside), skin_mm)
+    held = in_skin if in_region is None else in_skin | in_region(inside.joints)
     tight = _without_loose_ends(inside.struts, held)
     length = inside.lengths()
     if not tight.any():
-        raise LatticeError(_all_loose(structure, len(length), attached_to_skin=attached_to_skin))
-    largest, shares = _largest_component(inside, tight)
+        raise LatticeError(_all_loose(structure, len(length), skin_mm))
+    net = _Pieces.of(inside, tight, in_skin, part)
+    largest, shares = net.largest(length)
     if shares[0] < least_share:
         raise LatticeError(_falls_apart(shares, least_share))
     kept = inside.select(largest)
     return Trimmed(
         structure=kept,
-        at_surface=at_surface[np.unique(inside.struts[largest])],
+        in_skin=in_skin[np.unique(inside.struts[largest])],
         counts=TrimCounts(
             struts_given=len(structure.struts),
             struts_outside=pieces.outside,
@@ -115,26 +151,24 @@ def trim(
             loose_share=float(length[~tight].sum() / length.sum()),
             components=len(shares),
             dropped_share=float(1 - shares[0]) if len(shares) > 1 else 0.0,
+            skin_only_share=_skin_only_share(kept),
             struts=len(kept.struts),
         ),
     )
 
 
-def _without_slivers(pieces: Pieces) -> tuple[Structure, Bool[np.ndarray, " joints"], int]:
-    """Leave out stubs; also says which of the remaining joints are at the surface."""
+def _without_slivers(pieces: Pieces) -> tuple[Structure, Float[np.ndarray, " joints"], int]:
+    """Leave out stubs; also says how deep the remaining joints lie [mm]."""
     net, depth = pieces.structure, pieces.depth
     a, b = net.struts.T
     length, radius = net.lengths(), net.radii.max(axis=1)
-    joint_radius = np.zeros(len(net.joints))
-    np.maximum.at(joint_radius, net.struts, net.radii)
-    reaches = net.cut | (depth <= joint_radius)
+    reaches = net.cut | (depth <= joint_radii(net))
     short = length < np.maximum(SLIVER_SHARE * pieces.whole_length, SLIVER_RADII * radius)
     # Only pieces that were cut: a short strut of a fine cell is no sliver. Both ends of a sliver
     # are at the surface without it, so nothing that hangs there lets go.
     sliver = short & pieces.shortened & reaches[a] & reaches[b]
     keep = ~sliver
-    kept = net.select(keep)
-    return kept, reaches[np.unique(net.struts[keep])], int(sliver.sum())
+    return net.select(keep), depth[np.unique(net.struts[keep])], int(sliver.sum())
 
 
 def _without_loose_ends(
@@ -150,19 +184,49 @@ def _without_loose_ends(
         keep &= ~loose
 
 
-def _largest_component(
-    net: Structure, kept: Bool[np.ndarray, " struts"]
-) -> tuple[Bool[np.ndarray, " struts"], Float[np.ndarray, " n"]]:
-    """The kept struts of the longest piece, and each piece's share of the length, longest first."""
-    label = net.select(kept).components()
-    used = np.zeros(len(net.joints), bool)
-    used[net.struts[kept]] = True
-    of_joint = np.full(len(net.joints), -1)
-    of_joint[used] = label
-    of_strut = of_joint[net.struts[:, 0]]
-    length = np.bincount(of_strut[kept], weights=net.lengths()[kept])
-    largest = kept & (of_strut == np.argmax(length))
-    return largest, np.sort(length / length.sum())[::-1]
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Kept struts, and the connected piece of each; -1 for struts that are not kept."""
+
+    kept: Bool[np.ndarray, " struts"]
+    piece: Int[np.ndarray, " struts"]
+
+    @classmethod
+    def of(
+        cls,
+        net: Structure,
+        kept: Bool[np.ndarray, " struts"],
+        in_skin: Bool[np.ndarray, " joints"],
+        part: Part,
+    ) -> "_Pieces":
+        """Joined by struts, and by the skin of each closed shell of the part's surface."""
+        joints = len(net.joints)
+        links = [net.struts[kept]]
+        if in_skin.any():
+            held = np.flatnonzero(in_skin)
+            face = part.signed_distance.unsigned(net.joints[held])[1]
+            shell = Edges(part.surface).shell_of_face[face]
+            links.append(np.stack([held, joints + shell], axis=1))
+        a, b = np.concatenate(links).T
+        nodes = max(joints, int(b.max()) + 1)
+        graph = coo_array((np.ones(len(a)), (a, b)), shape=(nodes, nodes))
+        label = connected_components(graph, directed=False)[1]
+        return cls(kept, np.where(kept, label[net.struts[:, 0]], -1).astype(np.int64))
+
+    def largest(
+        self, length: Float[np.ndarray, " struts"]
+    ) -> tuple[Bool[np.ndarray, " struts"], Float[np.ndarray, " n"]]:
+        """The struts of the longest piece, and each piece's share of the length, longest first."""
+        names, piece = np.unique(self.piece[self.kept], return_inverse=True)
+        total = np.bincount(piece, weights=length[self.kept])
+        largest = self.kept & (self.piece == names[np.argmax(total)])
+        return largest, np.sort(total / total.sum())[::-1]
+
+
+def _skin_only_share(kept: Structure) -> float:
+    """Share of the strut length outside the longest piece that struts alone connect."""
+    length = np.bincount(kept.components()[kept.struts[:, 0]], weights=kept.lengths())
+    return float(1 - length.max() / length.sum()) if len(length) > 1 else 0.0
 
 
 def _nothing_inside(structure: Structure, part: Part) -> str:
@@ -174,8 +238,8 @@ def _nothing_inside(structure: Structure, part: Part) -> str:
     )
 
 
-def _all_loose(structure: Structure, inside: int, *, attached_to_skin: bool) -> str:
-    skin = "" if attached_to_skin else " or give the part a skin that holds them (skin_mm > 0)"
+def _all_loose(structure: Structure, inside: int, skin_mm: float) -> str:
+    skin = "" if skin_mm > 0 else " or give the part a skin that holds them (skin_mm > 0)"
     return (
         f"All {inside} pieces of struts inside the part are loose ends: cells with struts of "
         f"{np.median(structure.lengths()):.3g} mm are larger than the part's thickest region. Use "

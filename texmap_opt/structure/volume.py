@@ -101,13 +101,26 @@ class LatticeVolume:
     weights: Float[np.ndarray, " quad"]
 
     @classmethod
-    def of(cls, structure: Structure, *, subdivisions: int = SUBDIVISIONS) -> "LatticeVolume":
-        """Prepare the volume of a structure and of all others with its connectivity."""
+    def of(
+        cls,
+        structure: Structure,
+        *,
+        subdivisions: int = SUBDIVISIONS,
+        seen: Bool[np.ndarray, " joints"] | None = None,
+    ) -> "LatticeVolume":
+        """Prepare the volume of a structure and of all others with its connectivity.
+
+        Args:
+            structure: joints and struts.
+            subdivisions: of the quadrature.
+            seen: joints whose overlap counts; absent: all.
+        """
         directions, weights = sphere_quadrature(subdivisions)
+        seen = np.ones(len(structure.joints), bool) if seen is None else seen
         return cls(
             structure.struts,
             structure.section == "square",
-            _meetings(structure.struts, structure.cut),
+            _meetings(structure.struts, structure.cut, seen),
             directions,
             weights,
         )
@@ -123,15 +136,23 @@ class LatticeVolume:
             joints: positions [mm].
             radii: radius, or half the side, at both ends [mm].
         """
+        whole = centre_line_volume(joints, self.struts, self.as_round(radii))
+        return whole - self.overlap(joints, radii)
+
+    def overlap(
+        self,
+        joints: Float[ArrayLike, "joints 3"],
+        radii: Float[ArrayLike, "struts 2"],
+    ) -> Float[Array, ""]:
+        """What the struts' own volumes count too much at the joints [mm³]; arguments as above."""
         joints, radii = jnp.asarray(joints), jnp.asarray(self.as_round(radii))
-        overlap = sum(
+        return sum(
             (
                 _overlap(joints, self.struts, radii, m, self.directions, self.weights)
                 for m in self.meetings
             ),
             start=jnp.zeros(()),
         )
-        return centre_line_volume(joints, self.struts, radii) - overlap
 
     @property
     def value_and_gradient(self) -> Callable:
@@ -242,7 +263,9 @@ def sphere_quadrature(
 
 
 def _meetings(
-    struts: Int[np.ndarray, "struts 2"], cut: Bool[np.ndarray, " joints"]
+    struts: Int[np.ndarray, "struts 2"],
+    cut: Bool[np.ndarray, " joints"],
+    seen: Bool[np.ndarray, " joints"],
 ) -> tuple[Meeting, ...]:
     """Half struts by joint, joints by valence; a strut alone at a cut overlaps nothing there."""
     ends = struts.reshape(-1)
@@ -253,7 +276,7 @@ def _meetings(
     order = np.argsort(ends, kind="stable")
     first = np.cumsum(valence) - valence
     slots = -(-valence // VALENCE_STEP) * VALENCE_STEP
-    seen = ~lone & (valence > 0)
+    seen = seen & ~lone & (valence > 0)
     meetings = []
     for width in np.unique(slots[seen]):
         here = np.flatnonzero(seen & (slots == width))

@@ -17,6 +17,7 @@ from texmap_opt.report.scenes import (
     Mark,
     PlannedPart,
     Scene,
+    StiffnessSurface,
     Struts,
     WarpedGrid,
     Whole,
@@ -72,6 +73,7 @@ def all_scenes() -> dict[str, Scene]:
         "cut": CutOpen(shell),
         "whole": Whole(shell),
         "look": PlannedPart(part, marks, nodes),
+        "stiffness": StiffnessSurface(box([-1, -1, -1], [1, 1, 1]), np.linspace(1, 2, 8), "E"),
     }
 
 

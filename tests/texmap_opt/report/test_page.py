@@ -151,6 +151,22 @@ def test_the_headline_says_mass_compliance_and_that_it_prints(tmp_path):
     assert "one watertight body" in headline
 
 
+def test_the_headline_names_the_skin_where_it_is_nearer_to_yield_than_the_struts(tmp_path):
+    html = written(tmp_path, REPORT | {"skin": {"max_utilisation": 1.2}})
+    headline = html[html.index('class="headline"') : html.index("<section")]
+    assert "120 %" in headline
+    assert "above yield, in the skin" in headline
+    assert "83 %" in written(tmp_path, REPORT | {"skin": {"max_utilisation": 0.4}})
+
+
+def test_the_joint_model_stands_beside_its_error(tmp_path):
+    model = {"rigid_end": 1.72, "slenderness": 0.134, "error": 0.054, "thicker_share": 0.46}
+    html = written(tmp_path, REPORT | {"joint_model": model})
+    assert "<h3>Joint model</h3>" in html
+    assert "counted as that</th><td>46 %</td>" in html
+    assert "Joint model" not in written(tmp_path, REPORT | {"joint_model": None})
+
+
 def test_a_result_in_pieces_is_not_called_printable(tmp_path):
     broken = REPORT["result"] | {"connected_components": 3, "watertight": False}
     html = written(tmp_path, REPORT | {"result": broken})

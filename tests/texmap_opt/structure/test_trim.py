@@ -12,6 +12,8 @@ from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.strut_pieces import strut_pieces
 from texmap_opt.structure.trim import trim
 
+SKIN = 0.2
+
 
 def bar(length: float, width: float, height: float) -> Part:
     """A box with its lowest corner at the origin."""
@@ -67,7 +69,7 @@ def everywhere(points: np.ndarray) -> np.ndarray:
 def test_a_grid_with_a_margin_is_trimmed_to_the_cells_within():
     """Lattice planes coincide with the part's faces: what lies in a face is inside, whole."""
     whole = lattice("octet", (-5, -5, -5), 5.0, (22, 6, 6))
-    trimmed = trim(whole, bar(100, 20, 20), attached_to_skin=False)
+    trimmed = trim(whole, bar(100, 20, 20), skin_mm=0.0)
     inner = lattice("octet", (0, 0, 0), 5.0, (20, 4, 4))
     assert len(trimmed.structure.joints) == len(inner.joints)
     assert len(trimmed.structure.struts) == len(inner.struts)
@@ -82,7 +84,7 @@ def test_a_grid_with_a_margin_is_trimmed_to_the_cells_within():
 @pytest.mark.parametrize("shift", [1e-7, -1e-7])
 def test_rounding_does_not_decide_what_lies_in_a_face(shift: float):
     whole = lattice("octet", (-5 + shift, -5 - shift, -5 + shift), 5.0, (22, 6, 6))
-    trimmed = trim(whole, bar(100, 20, 20), attached_to_skin=False)
+    trimmed = trim(whole, bar(100, 20, 20), skin_mm=0.0)
     inner = lattice("octet", (0, 0, 0), 5.0, (20, 4, 4))
     assert len(trimmed.structure.struts) == len(inner.struts)
 
@@ -128,9 +130,9 @@ def test_a_strut_outside_that_touches_a_corner_is_dropped():
 def test_dangling_ends_go_unless_a_skin_or_a_region_holds_them():
     whole = lattice("bcc", (-2.5, -2.5, -2.5), 5.0, (9, 5, 5))
     part = bar(40, 20, 20)
-    bare = trim(whole, part, attached_to_skin=False)
-    skin = trim(whole, part, attached_to_skin=True)
-    held = trim(whole, part, attached_to_skin=False, in_region=lambda p: p[:, 0] < 0.1)
+    bare = trim(whole, part, skin_mm=0.0)
+    skin = trim(whole, part, skin_mm=SKIN)
+    held = trim(whole, part, skin_mm=0.0, in_region=lambda p: p[:, 0] < 0.1)
     assert bare.counts.struts < held.counts.struts < skin.counts.struts
     assert bare.structure.degrees().min() == 2
     assert skin.counts.loose_struts == 0
@@ -151,7 +153,7 @@ def test_loose_ends_unravel_until_nothing_is_loose():
         np.zeros(6, bool),
         np.ones(6),
     )
-    trimmed = trim(s, bar(10, 10, 10), attached_to_skin=True)
+    trimmed = trim(s, bar(10, 10, 10), skin_mm=SKIN)
     assert trimmed.counts.loose_struts == 3
     assert len(trimmed.structure.struts) == 3
 
@@ -160,12 +162,12 @@ def test_a_stub_within_the_joints_own_sphere_is_left_out():
     """Joint 0.3 mm below the face, radius 0.5: it reaches the skin without the stub."""
     part = bar(10, 10, 9.7)
     s = lattice("cube", (0, 0, -0.6), 5.0, (2, 2, 3))
-    trimmed = trim(s, part, attached_to_skin=True)
+    trimmed = trim(s, part, skin_mm=SKIN)
     top = trimmed.structure.joints[:, 2].max()
     assert top == pytest.approx(9.4)
     assert trimmed.counts.slivers == 9
-    assert trimmed.at_surface[trimmed.structure.joints[:, 2] > 9].all()
-    assert len(trimmed.at_surface) == len(trimmed.structure.joints)
+    assert trimmed.in_skin[trimmed.structure.joints[:, 2] > 9].all()
+    assert len(trimmed.in_skin) == len(trimmed.structure.joints)
 
 
 def test_the_largest_piece_stays_and_the_rest_is_counted():
@@ -173,25 +175,76 @@ def test_the_largest_piece_stays_and_the_rest_is_counted():
     part = beside(bar(40, 10, 10), moved(bar(5, 10, 10), (60, 0, 0)))
     s = lattice("octet", (0, 0, 0), 5.0, (13, 2, 2))
     with pytest.raises(LatticeError, match=r"falls into 2 pieces that hold 87\.7%, 12\.3% of"):
-        trim(s, part, attached_to_skin=True)
-    trimmed = trim(s, part, attached_to_skin=True, least_share=0.8)
+        trim(s, part, skin_mm=SKIN)
+    trimmed = trim(s, part, skin_mm=SKIN, least_share=0.8)
     assert trimmed.counts.components == 2
     assert trimmed.counts.dropped_share == pytest.approx(128 / 1040)
     np.testing.assert_array_equal(trimmed.structure.components(), 0)
     assert trimmed.structure.joints[:, 0].max() == pytest.approx(40)
 
 
+def test_pieces_that_only_the_skin_connects_stay_with_it():
+    """Two blocks of octet in one bar: apart without a skin, one piece under it."""
+    whole = lattice("octet", (0, 0, 0), 5.0, (13, 2, 2))
+    x = whole.joints[whole.struts][..., 0]
+    apart = whole.select(~((x > 41) & (x < 59)).any(axis=1))
+    part = bar(65, 10, 10)
+    with pytest.raises(LatticeError, match="falls into 2 pieces"):
+        trim(apart, part, skin_mm=0.0)
+    trimmed = trim(apart, part, skin_mm=SKIN)
+    assert trimmed.counts.components == 1
+    assert trimmed.counts.dropped_share == 0
+    assert trimmed.structure.components().max() == 1
+    small = trimmed.structure.joints[:, 0] > 50
+    assert small.any()
+    assert 0 < trimmed.counts.skin_only_share < 0.2
+
+
+def test_a_piece_that_floats_inside_the_skin_is_dropped():
+    ring = [[5, 5, 5], [6, 5, 5], [5, 6, 5]]
+    cross = [[0, 5, 2], [10, 5, 2]]
+    s = Structure(
+        np.array(ring + cross, float),
+        np.array([[0, 1], [1, 2], [2, 0], [3, 4]]),
+        np.full((4, 2), 0.1),
+        np.zeros(5, bool),
+        np.ones(4),
+    )
+    trimmed = trim(s, bar(10, 10, 10), skin_mm=SKIN, least_share=0.5)
+    assert len(trimmed.structure.struts) == 1
+    assert trimmed.in_skin.all()
+    with pytest.raises(LatticeError, match="falls into 2 pieces"):
+        trim(s, bar(10, 10, 10), skin_mm=SKIN)
+
+
+def test_joints_grown_together_with_the_skin_are_held():
+    """Half a strut's section in common at skin + r/sqrt(2) below the surface; one deeper is loose."""
+    r = 0.5
+    for deeper, struts in ((-1e-6, 1), (1e-6, 0)):
+        z = SKIN + r / np.sqrt(2) + deeper
+        s = Structure(
+            np.array([[2, 5, 5], [8, 5, z], [2, 5, 10], [2, 5, 0]], float),
+            np.array([[0, 1], [0, 2], [0, 3]]),
+            np.full((3, 2), r),
+            np.zeros(4, bool),
+            np.ones(3),
+        )
+        trimmed = trim(s, bar(10, 10, 10), skin_mm=SKIN)
+        assert trimmed.counts.loose_struts == 1 - struts
+        assert len(trimmed.structure.struts) == 2 + struts
+
+
 def test_a_lattice_beside_the_part_is_refused():
     s = lattice("octet", (100, 0, 0), 5.0, (2, 2, 2))
     with pytest.raises(LatticeError, match=r"No strut .* inside the part \(10 x 10 x 10 mm\)"):
-        trim(s, bar(10, 10, 10), attached_to_skin=True)
+        trim(s, bar(10, 10, 10), skin_mm=SKIN)
 
 
 def test_cells_too_large_for_the_part_are_refused_with_the_remedy():
     s = lattice("octet", (-7, -7, -7), 20.0, (2, 2, 2))
     with pytest.raises(LatticeError, match=r"loose ends: .* smaller cells .*skin_mm"):
-        trim(s, bar(10, 10, 10), attached_to_skin=False)
+        trim(s, bar(10, 10, 10), skin_mm=0.0)
     with pytest.raises(
         LatticeError, match=r"falls into 3 pieces that hold 33\.3%, 33\.3%, 33\.3% of"
     ):
-        trim(s, bar(10, 10, 10), attached_to_skin=False, in_region=everywhere)
+        trim(s, bar(10, 10, 10), skin_mm=0.0, in_region=everywhere)

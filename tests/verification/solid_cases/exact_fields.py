@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import Delaunay
 from solid_cases.mapped_mesh import facets_on, field_support
-from solid_cases.target import Benchmark, Measured, Target, furthest
+from target import Benchmark, Measured, Target, furthest
 
 from fea import (
     Material,

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 from solid_cases.mapped_mesh import ON, facets_on, mapped, slide, welded
-from solid_cases.target import Benchmark, Measured, Target, furthest
+from target import Benchmark, Measured, Target, furthest
 
 from fea import (
     Material,

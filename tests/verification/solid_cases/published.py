@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 from solid_cases.mapped_mesh import ON, facets_on, mapped, slide
-from solid_cases.target import Benchmark, Measured, Target, furthest
+from target import Benchmark, Measured, Target, furthest
 
 from fea import (
     Material,

@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 from solid_cases.mapped_mesh import ON, eye_bar
-from solid_cases.target import Benchmark, Measured, Target
+from target import Benchmark, Measured, Target
 
 from fea import Material, SolidProblem, Support, TetMesh, force_on_facets, solve_solid
 from fea.elements import TETRAHEDRON_EDGES

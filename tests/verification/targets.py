@@ -1,34 +1,50 @@
-"""Every target that solids are verified against; run it to print what we reach.
+"""Every target that the mechanics are verified against; run it to print what we reach.
 
-`python3 tests/verification/solid_targets.py > docs/verification.md`
+`python3 tests/verification/targets.py > docs/verification.md`
 """
 
 import sys
+from dataclasses import dataclass
 
 import jax
+from frame_cases import stability, textbook
+from lattice_cases import closed_forms
+from shell_cases import curved, membrane, plates
 from solid_cases import exact_fields, lame_and_kirsch, published, scikit_fem
-from solid_cases.target import Benchmark, Target
+from target import Benchmark, Target
 
-BENCHMARKS: tuple[Benchmark, ...] = (
-    *exact_fields.BENCHMARKS,
-    *lame_and_kirsch.BENCHMARKS,
-    *published.BENCHMARKS,
-    *scikit_fem.BENCHMARKS,
-)
+
+@dataclass(frozen=True)
+class Chapter:
+    """Benchmarks of one kind of structure.
+
+    Attributes:
+        title: heading.
+        introduction: what all of them have in common.
+        benchmarks: in the order of the page.
+    """
+
+    title: str
+    introduction: str
+    benchmarks: tuple[Benchmark, ...]
+
 
 # Deviations below this are rounding, which differs from machine to machine.
 NOISE = 1e-10
 
 TOP = """\
-# Solids: verification targets and what we reach
+# Verification targets and what we reach
 
-Written by `python3 tests/verification/solid_targets.py > docs/verification.md`. The tests in
-`tests/verification` check every row that has a tolerance, and that this page is up to date.
+Written by `python3 tests/verification/targets.py > docs/verification.md`. The tests in
+`tests/verification` check every row that has a tolerance, and that this page is up to date. Rows without
+a tolerance are for comparison.
+"""
 
+SOLIDS = """\
 All quantities of a benchmark come from the mesh named in its row. "tet4" is the linear tetrahedron,
 "tet10" the quadratic one, whose mid-edge nodes lie on the curve where a part is curved. Stress is that of
 `SolidSolution.stress`, recovered at the nodes, where nothing else is said. Rows without a tolerance
-are for comparison: they show what linear tetrahedra, or coarse meshes, give.
+show what linear tetrahedra, or coarse meshes, give.
 
 CalculiX 2.20, an independent program, finds the same displacements, nodal forces and integration-point
 stresses on the same mesh to 2e-6 of their largest values, which is as many digits as it prints: tet4 and
@@ -38,16 +54,52 @@ it differs by up to 0.06 % in displacement and 0.4 % in stress, because it takes
 these three points in place of our six the two agree to 2e-6 again.
 """
 
+FRAMES = """\
+Struts are beams of `fea.beam` with rigid joints. Book examples are in the book's units.
+"""
+
+SKINS = """\
+Flat triangles with six dofs a node: a membrane with drilling rotations and a thin plate. Meshes are
+structured; rows of coarser meshes show the convergence.
+"""
+
+LATTICES = """\
+Effective stiffness of periodic frames, `fea.homogenise_frame`: rigid joints, round struts. The closed
+forms are exact for the beam model. Beams against solids: [joint-model.md](joint-model.md).
+"""
+
+CHAPTERS = (
+    Chapter(
+        "Solids",
+        SOLIDS,
+        (
+            *exact_fields.BENCHMARKS,
+            *lame_and_kirsch.BENCHMARKS,
+            *published.BENCHMARKS,
+            *scikit_fem.BENCHMARKS,
+        ),
+    ),
+    Chapter("Frames", FRAMES, (*textbook.BENCHMARKS, *stability.BENCHMARKS)),
+    Chapter("Skins", SKINS, (*membrane.BENCHMARKS, *plates.BENCHMARKS, *curved.BENCHMARKS)),
+    Chapter("Lattices", LATTICES, closed_forms.BENCHMARKS),
+)
+
+BENCHMARKS = tuple(benchmark for chapter in CHAPTERS for benchmark in chapter.benchmarks)
+
 
 def page() -> str:
     """All targets and what we reach, as Markdown."""
-    return "\n".join([TOP, *(section(benchmark) for benchmark in BENCHMARKS)])
+    lines = [TOP]
+    for chapter in CHAPTERS:
+        lines += [f"## {chapter.title}\n", chapter.introduction]
+        lines += [section(benchmark) for benchmark in chapter.benchmarks]
+    return "\n".join(lines)
 
 
 def section(benchmark: Benchmark) -> str:
     """One benchmark with a row for each target."""
     lines = [
-        f"## {benchmark.name}",
+        f"### {benchmark.name}",
         "",
         benchmark.problem,
         "",
@@ -79,14 +131,14 @@ def row(target: Target) -> str:
         percent = share and target.tolerance > NOISE
         limit = f"{100 * target.tolerance:g} %" if percent else f"{target.tolerance:g}"
     unit = f" {target.unit}" if target.unit else ""
-    nodes = "nodes vary" if measured.nodes is None else f"{measured.nodes} nodes"
+    nodes = ", nodes vary" if measured.nodes is None else f", {measured.nodes} nodes"
     cells = [
         target.quantity,
         f"{target.expected:.7g}{unit}",
         f"{shown}{unit}",
         off,
         limit,
-        f"{measured.element}, {nodes}",
+        f"{measured.element}{nodes if measured.nodes != 0 else ''}",
     ]
     return f"| {' | '.join(cells)} |"
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from solid_targets import BENCHMARKS, page
+from targets import BENCHMARKS, page
 
 PAGE = Path(__file__).parents[2] / "docs" / "verification.md"
 TARGETS = [
@@ -25,5 +25,5 @@ def test_names_of_targets_are_unique():
 
 
 def test_the_page_is_what_the_command_writes():
-    """Otherwise: python3 tests/verification/solid_targets.py > docs/verification.md."""
+    """Otherwise: python3 tests/verification/targets.py > docs/verification.md."""
     assert PAGE.read_text(encoding="utf-8") == page()

@@ -16,8 +16,8 @@ class Measured:
 
     Attributes:
         value: the quantity.
-        element: "tet4" or "tet10".
-        nodes: of the mesh; None where the mesher's result varies from run to run.
+        element: such as "tet4", or what was computed with instead of a mesh, such as "8 struts".
+        nodes: of the mesh; None where the mesher's result varies from run to run, 0 without a mesh.
     """
 
     value: float
@@ -28,6 +28,11 @@ class Measured:
     def on(cls, mesh: TetMesh, value: float | np.floating) -> "Measured":
         """A value computed on a mesh."""
         return cls(float(value), mesh.element, len(mesh.nodes))
+
+    @classmethod
+    def by_beams(cls, count: int, value: float | np.floating) -> "Measured":
+        """A value computed with so many beam elements."""
+        return cls(float(value), f"{count} beam" + "s" * (count > 1), 0)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,269 @@
+"""Effective stiffness of a periodic frame, and its derivatives.
+
+Under a uniform mean strain E the displacement of a periodic frame is E x plus a field that repeats
+with the period; rotations repeat. So one number stands for all images of a joint, and a strut that
+leaves the period sees its second joint displaced by E times the periods it spans. Six unit strains on
+one factor give the energies
+
+    C_ij = (1/V) sum over struts of u_i' K u_j,
+
+(Vigliotti, Pasini, Mech. Mater. 46 (2012) 57; Hutchinson, Fleck, J. Mech. Phys. Solids 54 (2006) 756
+for the kinematics). The fields are in equilibrium, so the derivative of C_ij by anything that K
+depends on is (1/V) u_i' dK u_j, without an adjoint solve.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.sparse import bsr_array
+
+from fea.beam import Strut, StrutMaterial, beam_end_forces, beam_stiffnesses
+from fea.equilibrium import on_host
+from fea.errors import FeaError, position_text
+from fea.linear_solve import SingularStiffness, factorise
+from fea.periodic_frame import PeriodicFrame
+from fea.periodicity import UNIT_STRAINS, held, summed_blocks
+from fea.precision import require_x64
+from fea.rigid_motion import rigid_body_modes
+
+ArrayLike = Array | np.ndarray
+
+# Degrees of freedom of a joint.
+BLOCK = 6
+
+# A joint of a free motion turns, rather than moves, when its rotation over the longest period makes up
+# this share of it.
+TURNS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class HomogenisedFrame:
+    """What six unit strains do to a periodic frame.
+
+    Attributes:
+        frame: what was homogenised.
+        C: effective elasticity matrix [MPa], Voigt order.
+        displacement: of the joints under each unit strain [mm] and [rad], one joint at rest.
+        residual: largest true |f - K u| / |f| over the six.
+    """
+
+    frame: PeriodicFrame
+    C: Float[np.ndarray, "6 6"]
+    displacement: Float[np.ndarray, "6 joints 6"]
+    residual: float
+
+    @property
+    def strut_displacement(self) -> Float[np.ndarray, "6 struts 12"]:
+        """Displacements and rotations of both joints of each strut under each unit strain."""
+        return _strut_displacement(self.frame, self.displacement)
+
+    @property
+    def end_forces(self) -> Float[np.ndarray, "6 struts 12"]:
+        """What the joints exert on each strut under each unit strain [N, N mm], global axes."""
+        u = jnp.asarray(self.strut_displacement)
+        return np.asarray(_end_forces(_Topology.of(self.frame), self.frame.parameters, u))
+
+
+def homogenise_frame(frame: PeriodicFrame, *, solver: str = "auto") -> HomogenisedFrame:
+    """Effective stiffness of a periodic frame.
+
+    Args:
+        frame: one period.
+        solver: see `fea.linear_solve.factorise`.
+
+    Raises:
+        FeaError: when the frame is malformed or falls apart.
+        SingularStiffness: when a joint can move or turn at no cost, with the place.
+    """
+    require_x64()
+    frame.check()
+    stiffness = np.asarray(_stiffnesses(_Topology.of(frame), frame.parameters))
+    affine = _strut_displacement(frame, np.zeros((6, len(frame.joints), BLOCK)))
+    force = np.einsum("sij,csj->csi", stiffness, affine).reshape(6, -1, BLOCK)
+    load = np.zeros((len(frame.joints), BLOCK, 6))
+    np.subtract.at(load, frame.struts.ravel(), np.moveaxis(force, 0, -1))
+    load[0, :3] = 0.0
+    K = held(_assembled(frame, stiffness))
+    near_null = rigid_body_modes(frame.joints, rotations=True)
+    near_null[:3] = 0.0
+    try:
+        factor = factorise(K, near_null=near_null, solver=solver)
+        solved = factor.solve(load.reshape(-1, 6))
+    except SingularStiffness as failure:
+        raise _named(failure, frame) from failure
+    u = solved.x.T.reshape(6, -1, BLOCK)
+    whole = _strut_displacement(frame, u)
+    C = np.einsum("isa,sab,jsb->ij", whole, stiffness, whole, optimize=True) / frame.volume
+    return HomogenisedFrame(frame, (C + C.T) / 2, u, solved.residual)
+
+
+def homogenised_gradient(
+    solution: HomogenisedFrame, weights: Float[np.ndarray, "6 6"]
+) -> dict[str, np.ndarray]:
+    """Derivative of sum_ij w_ij C_ij by each of the frame's parameters, without a further solve.
+
+    Args:
+        solution: the homogenised frame.
+        weights: w; the derivative of a function of C by C.
+
+    Returns:
+        By joint positions [mm], radii [mm], rigid ends [mm] and relative modulus, those given.
+    """
+    u = solution.strut_displacement
+    v = np.einsum("ij,isa->jsa", (weights + weights.T) / 2, u)
+    frame = solution.frame
+    fields = (jnp.asarray(v), jnp.asarray(u))
+    gradient = _bilinear_gradient(_Topology.of(frame), frame.parameters, fields)
+    return {name: np.asarray(value) / frame.volume for name, value in gradient.items()}
+
+
+def homogenised(
+    frame: PeriodicFrame, *, solver: str = "auto", **parameters: ArrayLike
+) -> Float[Array, "6 6"]:
+    """Effective elasticity matrix [MPa], as a function that JAX differentiates.
+
+    Call and differentiate it outside `jax.jit` and `jax.vmap`: the solver runs on the host.
+
+    Args:
+        frame: gives all that is not replaced.
+        solver: see `fea.linear_solve.factorise`.
+        **parameters: values to use and to differentiate by, any of `frame.parameters`.
+
+    Raises:
+        FeaError: for a parameter that the frame does not have, and what `homogenise_frame` raises.
+    """
+    known = frame.parameters
+    for name, value in parameters.items():
+        if name not in known:
+            raise FeaError(
+                f'"{name}" is no parameter of this periodic frame; choose from {", ".join(known)}.'
+            )
+        if np.shape(value) != known[name].shape:
+            raise FeaError(
+                f'"{name}" has shape {np.shape(value)} here; this periodic frame needs '
+                f"{known[name].shape}."
+            )
+    values = {name: jnp.asarray(value) for name, value in parameters.items()}
+    return _homogenised(_Static(frame, solver), values)
+
+
+@dataclass(frozen=True, eq=False)
+class _Static:
+    frame: PeriodicFrame
+    solver: str
+
+
+@jax.tree_util.register_static
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """What the backward pass needs: nothing that JAX looks into."""
+
+    solution: HomogenisedFrame
+    names: tuple[str, ...]
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _homogenised(static: _Static, values: dict[str, Array]) -> Array:
+    return _forward(static, values)[0]
+
+
+def _forward(static: _Static, values: dict[str, Array]):
+    host = {name: on_host(name, value) for name, value in values.items()}
+    solution = homogenise_frame(replace(static.frame, **host), solver=static.solver)
+    return jnp.asarray(solution.C), _Solved(solution, tuple(values))
+
+
+def _backward(static: _Static, solved: _Solved, cotangent: Array):
+    gradient = homogenised_gradient(solved.solution, on_host("cotangent", cotangent))
+    return ({name: jnp.asarray(gradient[name]) for name in solved.names},)
+
+
+_homogenised.defvjp(_forward, _backward)
+
+
+class _Topology(eqx.Module):
+    """What the struts are made of beside the parameters."""
+
+    struts: Int[Array, "struts 2"]
+    shift: Float[Array, "struts 3"]
+    material: StrutMaterial
+
+    @classmethod
+    def of(cls, frame: PeriodicFrame) -> "_Topology":
+        """That of a frame."""
+        shift = jnp.asarray(frame.offsets @ frame.periods)
+        return cls(jnp.asarray(frame.struts), shift, frame.material)
+
+    def values(self, parameters: Mapping[str, ArrayLike]) -> Strut:
+        """The struts with some parameters."""
+        count = len(self.struts)
+        return Strut(
+            ends=jnp.asarray(parameters["joints"])[self.struts].at[:, 1].add(self.shift),
+            radii=jnp.asarray(parameters["radii"]),
+            rigid_ends=jnp.asarray(parameters.get("rigid_ends", np.zeros((count, 2)))),
+            modulus=jnp.asarray(parameters.get("modulus", np.ones(count))),
+        )
+
+
+@eqx.filter_jit
+def _stiffnesses(
+    topology: _Topology, parameters: Mapping[str, ArrayLike]
+) -> Float[Array, "struts 12 12"]:
+    return beam_stiffnesses(topology.values(parameters), topology.material)
+
+
+@eqx.filter_jit
+def _end_forces(
+    topology: _Topology, parameters: Mapping[str, ArrayLike], u: Float[Array, "6 struts 12"]
+) -> Float[Array, "6 struts 12"]:
+    return beam_end_forces(topology.values(parameters), topology.material, u)
+
+
+@eqx.filter_jit
+def _bilinear_gradient(
+    topology: _Topology, parameters: Mapping[str, ArrayLike], fields: tuple[Array, Array]
+) -> dict[str, Array]:
+    def value(parameters: dict[str, Array]) -> Array:
+        K = beam_stiffnesses(topology.values(parameters), topology.material)
+        return jnp.einsum("csi,sij,csj->", fields[0], K, fields[1])  # case, strut, dof
+
+    return jax.grad(value)({name: jnp.asarray(v) for name, v in parameters.items()})
+
+
+def _strut_displacement(
+    frame: PeriodicFrame, u: Float[np.ndarray, "6 joints 6"]
+) -> Float[np.ndarray, "6 struts 12"]:
+    """Of both ends of each strut: the joints' and, at the second, E times the periods it spans."""
+    ends = u[:, frame.struts]
+    spanned = frame.offsets @ frame.periods
+    ends[:, :, 1, :3] += np.einsum("cxy,sy->csx", UNIT_STRAINS, spanned)  # case, strut
+    return ends.reshape(6, len(frame.struts), 2 * BLOCK)
+
+
+def _assembled(frame: PeriodicFrame, stiffness: Float[np.ndarray, "struts 12 12"]) -> bsr_array:
+    blocks = stiffness.reshape(-1, 2, BLOCK, 2, BLOCK).transpose(0, 1, 3, 2, 4)
+    rows = np.repeat(frame.struts, 2, axis=1).ravel()
+    columns = np.tile(frame.struts, 2).ravel()
+    return summed_blocks(rows, columns, blocks.reshape(-1, BLOCK, BLOCK), len(frame.joints))
+
+
+def _named(failure: SingularStiffness, frame: PeriodicFrame) -> SingularStiffness:
+    """The same failure, with the joint that moves most."""
+    if failure.mode is None:
+        return failure
+    mode = failure.mode.reshape(-1, 2, 3)
+    reach = float(np.linalg.norm(frame.periods, axis=1).max())
+    size = np.linalg.norm(mode, axis=2) * [1.0, reach]
+    joint = int(np.argmax(size.max(axis=1)))
+    does = "turn" if size[joint, 1] > TURNS * size[joint].sum() else "move"
+    return SingularStiffness(
+        f"The periodic frame is a mechanism: joint {joint} at {position_text(frame.joints[joint])} mm "
+        f"can {does} at no cost; add struts that resist it.",
+        failure.mode,
+    )

@@ -1,0 +1,130 @@
+"""Unit cells as homogeneous solids, and what the command line says of them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fea.beam import StrutMaterial
+from fea.homogenise import homogenise_frame
+from fea.sections import Round
+from texmap_opt.cells.catalogue import cell_names, unit_cell
+from texmap_opt.cells.homogenised import homogenised_cell
+from texmap_opt.cells.periodic_frame import periodic_frame
+from texmap_opt.cells.rigidity import mechanisms
+from texmap_opt.cells.unit_cell import UnitCell
+from texmap_opt.cli import main
+from texmap_opt.errors import CellError
+
+
+def stiffness(cell: UnitCell, edge: float = 1.0) -> np.ndarray:
+    material = StrutMaterial(1.0, 0.3, Round())
+    frame = periodic_frame(cell, edge=edge, radius=0.05 * edge, material=material)
+    return homogenise_frame(frame).C
+
+
+@pytest.mark.parametrize("name", ["bcc", "octet", "kelvin"])
+def test_a_cell_that_is_its_own_mirror_image_may_be_tiled_either_way(name):
+    """Mirrored, its period is two cells: eight times the struts, the same stiffness."""
+    cell = unit_cell(name)
+    expected = stiffness(cell)
+    np.testing.assert_allclose(
+        stiffness(replace(cell, tiling="mirror")), expected, atol=1e-11 * expected.max()
+    )
+
+
+def test_a_mirrored_cell_has_the_symmetry_of_its_mirrors():
+    """The tetrahedron in the cube, odd cells reflected: no shear couples to anything."""
+    tetrahedron = replace(
+        unit_cell("cube"),
+        joint_names=("a", "b", "c", "d"),
+        joints=np.array([[0.0, 0, 0], [0, 1, 1], [1, 0, 1], [1, 1, 0]]),
+        struts=np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]),
+        relative_radius=np.linspace(0.5, 1.0, 6),
+        tiling="mirror",
+    )
+    C = stiffness(tetrahedron)
+    coupling = C.copy()
+    coupling[:3, :3] = 0
+    coupling[[3, 4, 5], [3, 4, 5]] = 0
+    np.testing.assert_allclose(coupling, 0, atol=1e-12 * C.max())
+    assert np.linalg.eigvalsh(C).min() > 0
+
+
+def test_stiffness_does_not_depend_on_the_size_of_the_cell():
+    cell = unit_cell("diamond")
+    np.testing.assert_allclose(stiffness(cell, 7.0), stiffness(cell), rtol=1e-10, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", cell_names())
+def test_how_stiffness_falls_with_the_radius_is_that_of_the_mechanisms(name):
+    """Stiff against all strains as r^2 where struts stretch, as r^4 against free strains."""
+    cell = unit_cell(name)
+    thin, thick = (homogenised_cell(cell, radius=r).stiffness.C for r in (0.005, 0.01))
+    order = np.log2(np.linalg.eigvalsh(thick) / np.linalg.eigvalsh(thin))
+    np.testing.assert_allclose(order, order.round(), atol=0.02)
+    bending = int(np.sum(order.round() == 4))
+    assert bending == mechanisms(cell).strain_producing
+    assert int(np.sum(order.round() == 2)) == 6 - bending
+
+
+def test_the_report_names_what_matters():
+    octet = homogenised_cell(unit_cell("octet"), radius=0.05)
+    text = octet.text()
+    assert "from 0.01537 along (1, 0, 0) to 0.02696 along (1, 1, 1)" in text
+    assert "centre lines 0.1333" in text
+    assert "Zener ratio 1.945" in text
+    assert octet.density < octet.centre_line_density
+
+
+@pytest.mark.parametrize("radius", [0.0, -0.1, np.nan])
+def test_a_radius_that_is_none_is_refused(radius):
+    with pytest.raises(CellError, match="must be a positive number"):
+        homogenised_cell(unit_cell("octet"), radius=radius)
+
+
+@pytest.mark.parametrize("radius", [0.3, 2.0])
+def test_struts_that_fill_the_cell_are_refused(radius):
+    with pytest.raises(CellError, match=r"struts of radius .* fill the cell"):
+        homogenised_cell(unit_cell("octet"), radius=radius)
+
+
+def test_a_lattice_that_resists_a_strain_with_nothing_is_named():
+    """Squares in planes that nothing joins do not even hang together."""
+    sheets = replace(
+        unit_cell("cube"),
+        name="sheets",
+        joint_names=("a", "b", "c", "d"),
+        joints=np.array([[0.0, 0, 0.5], [0, 1, 0.5], [1, 0, 0.5], [1, 1, 0.5]]),
+        struts=np.array([[0, 1], [0, 2], [1, 3], [2, 3]]),
+        relative_radius=np.ones(4),
+    )
+    with pytest.raises(CellError, match='"sheets": The stiffness does not resist the strain'):
+        homogenised_cell(sheets, radius=0.05)
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    return int(ended.value.code or 0)
+
+
+def test_the_command_line_prints_the_stiffness_of_a_cell_by_any_of_its_names(capsys):
+    assert run("cell", "kelvin", "--radius", "0.05") == 0
+    said = capsys.readouterr().out
+    assert said.startswith("tetrakaidecahedron (also called kelvin):")
+    assert "universal anisotropy" in said
+
+
+def test_the_command_line_draws_the_stiffness(tmp_path: Path, capsys):
+    png = tmp_path / "stiffness.png"
+    code = run("cell", "bcc", "--radius", "0.05", "--stiffness", str(png))
+    if code:
+        pytest.skip(f"this machine cannot draw: {capsys.readouterr().err}")
+    assert png.stat().st_size > 10_000
+
+
+def test_the_command_line_wants_a_radius_for_the_picture(capsys):
+    assert run("cell", "bcc", "--stiffness", "x.png") == 2
+    assert "--stiffness needs --radius" in capsys.readouterr().err

@@ -1,0 +1,129 @@
+"""The lattice of a unit cell as a homogeneous solid: stiffness by its frame model, and density."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fea.beam import StrutMaterial
+from fea.effective_stiffness import EffectiveStiffness
+from fea.errors import FeaError
+from fea.homogenise import homogenise_frame
+from fea.sections import section as section_of
+from fea.stiffness_bounds import hashin_shtrikman_bound
+from texmap_opt.cells.joint_model import JointModel
+from texmap_opt.cells.periodic_density import periodic_density
+from texmap_opt.cells.periodic_frame import periodic_frame
+from texmap_opt.cells.unit_cell import UnitCell
+from texmap_opt.errors import CellError
+
+# Directions that crystallographers call [100], [110] and [111].
+DIRECTIONS = {"100": (1.0, 0.0, 0.0), "110": (1.0, 1.0, 0.0), "111": (1.0, 1.0, 1.0)}
+
+# Below this share of its size a stiffness that is not cubic is called so; rounding gives 1e-15.
+CUBIC = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class HomogenisedCell:
+    """What an endless lattice of one cell amounts to, for a solid with Young's modulus 1.
+
+    Attributes:
+        cell: the unit cell.
+        radius: of struts of relative radius 1, in cell edges.
+        nu: Poisson's ratio of the solid.
+        stiffness: effective stiffness over the solid's Young's modulus.
+        density: relative density, what struts share at joints counted once.
+        centre_line_density: the same with every strut counted from joint to joint.
+    """
+
+    cell: UnitCell
+    radius: float
+    nu: float
+    stiffness: EffectiveStiffness
+    density: float
+    centre_line_density: float
+
+    def text(self) -> str:
+        """The report in lines; moduli are over that of the solid."""
+        effective = self.stiffness
+        along = effective.youngs_modulus(np.array(list(DIRECTIONS.values())))
+        surface = effective.directional_modulus()
+        constants = effective.engineering_constants
+        bound = hashin_shtrikman_bound(1.0, self.nu, self.density)
+        hill = effective.hill_average
+        anisotropy = f"universal anisotropy {effective.universal_anisotropy:.4g}"
+        if effective.departure_from_cubic < CUBIC:
+            anisotropy = f"Zener ratio {effective.zener_ratio:.4g}, {anisotropy}"
+        lines = [
+            f"frame model, radius {self.radius:g} of the cell's edge, solid with E = 1 and nu = "
+            f"{self.nu:g}",
+            f"density   {self.density:.4g} (centre lines {self.centre_line_density:.4g})",
+            "E         "
+            + ", ".join(
+                f"{E:.4g} along [{name}]" for name, E in zip(DIRECTIONS, along, strict=True)
+            ),
+            f"          from {surface.E.min():.4g} along {_direction(surface.softest)} to "
+            f"{surface.E.max():.4g} along {_direction(surface.stiffest)}",
+            f"G         {', '.join(f'{G:.4g}' for G in constants.G)} in yz, xz, xy",
+            f"nu        {', '.join(f'{nu:.4g}' for nu in constants.nu)} as nu_yz, nu_xz, nu_xy",
+            f"bulk      {effective.bulk_modulus:.4g}, of the Hashin-Shtrikman bound "
+            f"{effective.bulk_modulus / bound.bulk:.3g}",
+            f"average   E {hill.E:.4g}, nu {hill.nu:.4g} over all orientations (Hill); of the bound "
+            f"{hill.E / bound.E:.3g}",
+            f"anisotropy  {anisotropy}",
+        ]
+        return "\n".join(lines)
+
+
+def homogenised_cell(
+    cell: UnitCell,
+    *,
+    radius: float,
+    nu: float = 0.3,
+    joint_model: JointModel | None = None,
+) -> HomogenisedCell:
+    """Stiffness and density of an endless lattice.
+
+    Args:
+        cell: the unit cell.
+        radius: of struts of relative radius 1, in cell edges.
+        nu: Poisson's ratio of the solid.
+        joint_model: None: beams from joint to joint.
+
+    Raises:
+        CellError: for a radius that is not positive or so large that the struts fill the cell, or
+            a lattice that resists some strain with nothing.
+        LatticeError: for struts thicker than the joint model was fitted to.
+    """
+    if not (np.isfinite(radius) and radius > 0):
+        raise CellError(
+            f"the radius is {radius:g} of the cell's edge; it must be a positive number."
+        )
+    density = periodic_density(cell, radius)
+    if not density < 1:
+        raise CellError(
+            f'unit cell "{cell.name}": struts of radius {radius:g} of the cell\'s edge fill the cell '
+            f"(relative density {density:.3g}, must be below 1); take a smaller radius."
+        )
+    material = StrutMaterial(1.0, nu, section_of(cell.section))
+    frame = periodic_frame(
+        cell, edge=1.0, radius=radius, material=material, joint_model=joint_model
+    )
+    try:
+        stiffness = EffectiveStiffness(homogenise_frame(frame).C)
+    except FeaError as failure:
+        raise CellError(f'unit cell "{cell.name}": {failure}') from failure
+    return HomogenisedCell(
+        cell=cell,
+        radius=radius,
+        nu=nu,
+        stiffness=stiffness,
+        density=density,
+        centre_line_density=frame.density,
+    )
+
+
+def _direction(vector: np.ndarray) -> str:
+    """Such as "(1, 1, 0)": the largest component is 1, signs are those of an axis."""
+    scaled = vector / vector[np.argmax(np.abs(vector))]
+    return f"({', '.join(f'{round(float(c), 3) + 0.0:g}' for c in scaled)})"
