@@ -108,10 +108,10 @@ def main() -> None:
     print(text)
 
 
-def installed() -> dict[str, str | None]:
+def installed(packages: tuple[str, ...] = PACKAGES) -> dict[str, str | None]:
     """Versions of what takes part; None for what is not installed."""
     found: dict[str, str | None] = {"python": platform.python_version()}
-    for package in PACKAGES:
+    for package in packages:
         try:
             found[package] = metadata.version(package)
         except metadata.PackageNotFoundError:

@@ -106,7 +106,7 @@ def stiffness(problem: Any) -> Any:
     """K of a problem without its supports, as `fea` assembles it."""
     from fea.assembly import Pattern
 
-    return problem.stiffness(Pattern.from_nodes(problem.connectivity, len(problem.points)))
+    return problem.stiffness(Pattern.from_groups(problem.groups, len(problem.points)))
 
 
 def read_problem(path: Path) -> Any:

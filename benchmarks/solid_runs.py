@@ -40,7 +40,7 @@ def fea_assembly(path: Path, rtol: float) -> dict[str, Any]:
     compiling = _compiling(lambda: stiffness(read_problem(warm_up(path))))
     before = peak_memory_gb()
     with clock.stage("first"):
-        pattern = Pattern.from_nodes(problem.connectivity, len(problem.points))
+        pattern = Pattern.from_groups(problem.groups, len(problem.points))
         problem.stiffness(pattern)
     with clock.stage("again"):
         problem.stiffness(pattern)
@@ -80,7 +80,7 @@ def fea_solve(path: Path, rtol: float) -> dict[str, Any]:
 
     clock = Stopwatch()
     clock.watch(SolidProblem, "check", "check")
-    clock.watch(Pattern, "from_nodes", "pattern")
+    clock.watch(Pattern, "from_groups", "pattern")
     clock.watch(SolidProblem, "stiffness", "stiffness")
     clock.watch(Reduced, "from_pattern", "supports")
     clock.watch(Reduced, "matrix", "supports")
@@ -207,7 +207,7 @@ def fea_gradients(path: Path, rtol: float) -> dict[str, Any]:
     with clock.stage("solve_solid"):
         solution = solve_solid(problem)
     first = clock.take("factor", "solve")
-    pattern = Pattern.from_nodes(problem.connectivity, len(problem.points))
+    pattern = Pattern.from_groups(problem.groups, len(problem.points))
     with clock.stage("stiffness, pattern known"):
         problem.stiffness(pattern)
     with clock.stage("gradient of compliance"):
