@@ -18,11 +18,11 @@ from stopwatch import Stopwatch, peak_memory_gb
 import fea.equilibrium
 from fea import FeaError, compliance_gradient, rigid_body_modes, solve_frame
 from fea.assembly import Pattern, Reduced
-from fea.equilibrium import Assembled
 from fea.frame import FrameProblem, FrameSolution
 from fea.linear_solve import Factor
 from fea.linear_solve.amg import MultigridCG
 from fea.sections import Round
+from fea.system import Assembled
 
 # Wanted |f - K u| / |f| of lattices, and of shells alone, in which rounding of u leaves more.
 RTOL, RTOL_SHEET = 1e-8, 1e-6

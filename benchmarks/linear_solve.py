@@ -24,12 +24,13 @@ from solid import installed, machine
 from stopwatch import peak_memory_gb
 
 from fea import FeaError, Support, TetMesh, force_on_facets, material, rigid_body_modes
-from fea.equilibrium import AbstractForm, AbstractProblem, Assembled, MatrixFree
 from fea.frame import FrameProblem
 from fea.linear_solve import factorise
 from fea.linear_solve.element_operator import MATRIX_FREE
+from fea.problem import AbstractProblem
 from fea.sections import Round
 from fea.solid import SolidProblem
+from fea.system import AbstractForm, Assembled, MatrixFree
 
 HERE = Path(__file__).parent
 PACKAGES = ("python", "numpy", "scipy", "jax", "pyamg", "pypardiso", "mkl")

@@ -18,8 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fea.equilibrium import AbstractProblem, AbstractSolution, Assembled, on_host, times
+from fea.equilibrium import AbstractSolution, on_host
 from fea.errors import FeaError
+from fea.problem import AbstractProblem
+from fea.system import Assembled, times
 
 ArrayLike = Array | np.ndarray
 
@@ -61,8 +63,9 @@ class Sequence:
     def solved(self, problem: AbstractProblem, *, solver: str) -> AbstractSolution:
         """The problem's solution, starting from the last one."""
         previous, self.last = self.last, None
-        self.last = problem.solved(previous=previous, solver=solver)
-        return self.last
+        solution: AbstractSolution = problem.solved(previous=previous, solver=solver)
+        self.last = solution
+        return solution
 
 
 def displacement(

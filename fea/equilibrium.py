@@ -5,28 +5,24 @@ its forces. `fea.adjoint` differentiates its solution.
 """
 
 import abc
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar, cast
+from typing import TypeVar, cast
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
-from scipy.sparse import bsr_array
+from jaxtyping import Array, Float
 
-from fea.assembly import Pattern, Reduced
 from fea.boundary_conditions import check_loads, load_on_supports
-from fea.couplings import AbstractCoupling
 from fea.errors import FeaError, position_text
-from fea.linear_solve import Factor, factorise
-from fea.linear_solve.element_operator import MATRIX_FREE, ElementOperator, matrix_shape
-from fea.linear_solve.interface import Matrix, SingularStiffness
-from fea.linear_solve.mkl_sparse import multiply
+from fea.linear_solve import factorise
+from fea.linear_solve.element_operator import matrix_shape
+from fea.linear_solve.interface import SingularStiffness
 from fea.mechanisms import describe_mode
 from fea.precision import as_float64, require_x64
+from fea.problem import AbstractProblem
 from fea.rigid_motion import rigid_body_modes
-from fea.transfer import Transfer
+from fea.system import AbstractForm, System, form_of, times
 
 ArrayLike = Array | np.ndarray
 
@@ -35,235 +31,7 @@ ArrayLike = Array | np.ndarray
 SAME_DIRECTION = 1e-13
 
 
-class AbstractProblem(abc.ABC):
-    """A linear structure, its supports and its loads.
-
-    A leaf is a frozen dataclass with, beside its parameters, the fields
-
-    * `fixed: Bool[nodes, block]`: which dofs are prescribed,
-    * `value: Float[nodes, block]`: their values, ignored on free dofs,
-    * `forces: Float[cases, nodes, block]`: what acts on each dof.
-
-    Attributes:
-        positions: name of the parameter that holds `points`.
-        couplings: what makes nodes follow others; structures of six dofs a node only.
-    """
-
-    positions: ClassVar[str]
-    couplings: tuple[AbstractCoupling, ...] = ()
-
-    fixed: Bool[np.ndarray, "nodes block"]
-    value: Float[np.ndarray, "nodes block"]
-    forces: Float[np.ndarray, "cases nodes block"]
-
-    @property
-    @abc.abstractmethod
-    def proves_definite(self) -> bool:
-        """Whether `check` shows that no motion is free, so that the solver need not look for one."""
-
-    @property
-    @abc.abstractmethod
-    def points(self) -> Float[np.ndarray, "nodes 3"]:
-        """Positions of the nodes [mm]."""
-
-    @property
-    @abc.abstractmethod
-    def groups(self) -> tuple[Int[np.ndarray, "_ _"], ...]:
-        """Nodes of each element, group by group; all elements of a group have equally many."""
-
-    @property
-    @abc.abstractmethod
-    def loads(self) -> Float[np.ndarray, "cases nodes block"]:
-        """All that acts on the nodes: `forces`, and the consistent forces of other loads."""
-
-    @property
-    @abc.abstractmethod
-    def parameters(self) -> dict[str, np.ndarray]:
-        """What the stiffness depends on and can be differentiated by, by name."""
-
-    @abc.abstractmethod
-    def with_parameters(self, values: Mapping[str, np.ndarray]) -> "AbstractProblem":
-        """The same problem with some parameters, `forces` or `value` replaced."""
-
-    @abc.abstractmethod
-    def check(self) -> None:
-        """Refuse what cannot be solved, by name.
-
-        Raises:
-            FeaError: with what is wrong, where, and the remedy.
-        """
-
-    @abc.abstractmethod
-    def stiffness(self, pattern: Pattern) -> bsr_array:
-        """K of the structure without its supports, in whole blocks of a node's dofs."""
-
-    @abc.abstractmethod
-    def operator(self, fixed: Bool[np.ndarray, "nodes block"]) -> ElementOperator:
-        """K as a rule for products that is never assembled; fixed dofs act as identity."""
-
-    @abc.abstractmethod
-    def solved(self, *, previous: Any = None, solver: str = "auto") -> "AbstractSolution":
-        """The solution, by `equilibrium`."""
-
-    @abc.abstractmethod
-    def bilinear_gradient(
-        self,
-        v: Float[np.ndarray, "cases nodes block"],
-        u: Float[np.ndarray, "cases nodes block"],
-    ) -> dict[str, np.ndarray]:
-        """Derivative of sum_c v_c' K u_c by each of `parameters`, v and u held."""
-
-    @abc.abstractmethod
-    def load_gradient(self, v: Float[np.ndarray, "cases nodes block"]) -> dict[str, np.ndarray]:
-        """Derivative of sum_c v_c' loads_c by `forces` and the parameters that loads depend on."""
-
-
 Problem = TypeVar("Problem", bound=AbstractProblem)
-
-
-class AbstractForm(abc.ABC):
-    """How a stiffness is held, and what becomes of it and of fields without the supports."""
-
-    @abc.abstractmethod
-    def stiffness(self, problem: AbstractProblem) -> tuple[Matrix, Matrix]:
-        """K, and K without the prescribed and the dependent dofs."""
-
-    @abc.abstractmethod
-    def at(self, problem: AbstractProblem) -> "AbstractForm":
-        """The form of the same structure with other positions."""
-
-    @abc.abstractmethod
-    def gathered(self, forces: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """Forces on the nodes that couplings leave, zero on the others."""
-
-    @abc.abstractmethod
-    def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """Displacements, or gathered forces, as columns on the dofs of the reduced matrix.
-
-        Zero on fixed dofs.
-        """
-
-    @abc.abstractmethod
-    def expand(
-        self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
-    ) -> Float[np.ndarray, "columns nodes block"]:
-        """The inverse of `restrict` for displacements, with the prescribed value on fixed dofs."""
-
-
-@dataclass(frozen=True, eq=False)
-class Assembled(AbstractForm):
-    """A sparse matrix on a fixed pattern.
-
-    Attributes:
-        pattern: where node pairs go.
-        transfer: how dependent nodes follow the others; None without couplings.
-        reduction: how supports and dependent nodes are eliminated.
-    """
-
-    pattern: Pattern
-    transfer: Transfer | None
-    reduction: Reduced
-
-    @classmethod
-    def of(cls, problem: AbstractProblem) -> "Assembled":
-        """Find the pattern."""
-        pattern = Pattern.from_groups(problem.groups, len(problem.points))
-        transfer = _transfer(problem)
-        if transfer is None:
-            return cls(pattern, None, Reduced.from_pattern(pattern, problem.fixed))
-        block = problem.fixed.shape[1]
-        shape = (
-            np.zeros((len(pattern.upper), block, block)),
-            np.zeros((pattern.nodes, block, block)),
-        )
-        coupled = _congruent(transfer.matrix, pattern.matrix(*shape))
-        gone = problem.fixed | transfer.dependent[:, None]
-        return cls(pattern, transfer, Reduced.from_pattern(coupled, gone))
-
-    def at(self, problem: AbstractProblem) -> "Assembled":
-        """Couplings follow the positions."""
-        return self if self.transfer is None else replace(self, transfer=_transfer(problem))
-
-    def stiffness(self, problem: AbstractProblem) -> tuple[bsr_array, bsr_array]:
-        """Assemble."""
-        K = problem.stiffness(self.pattern)
-        return K, self.reduced(K)
-
-    def reduced(self, matrix: bsr_array, *, eigen: bool = False) -> bsr_array:
-        """A matrix on the pattern without prescribed and dependent dofs, Tᵀ A T.
-
-        Args:
-            matrix: A.
-            eigen: whether it is the right-hand matrix of an eigenproblem; see `Reduced.matrix`.
-        """
-        if self.transfer is not None:
-            matrix = _congruent(self.transfer.matrix, matrix)
-        return self.reduction.matrix(matrix, eigen=eigen)
-
-    def gathered(self, forces: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """Tᵀ f."""
-        return forces if self.transfer is None else self.transfer.gathered(forces)
-
-    def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """Independent nodes with a free dof only."""
-        return self.reduction.restrict(np.moveaxis(fields, 0, -1))
-
-    def expand(
-        self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
-    ) -> Float[np.ndarray, "columns nodes block"]:
-        """Whole fields."""
-        if self.transfer is None:
-            return self.reduction.expand(x, value)
-        independent = np.where(self.transfer.dependent[:, None], 0.0, value)
-        return self.transfer.spread(self.reduction.expand(x, independent))
-
-
-@dataclass(frozen=True, eq=False)
-class MatrixFree(AbstractForm):
-    """Products of elements, never summed into a matrix; fixed dofs stay as uncoupled unknowns.
-
-    Attributes:
-        fixed: dofs whose displacement is prescribed.
-    """
-
-    fixed: Bool[np.ndarray, "nodes block"]
-
-    def stiffness(self, problem: AbstractProblem) -> tuple[ElementOperator, ElementOperator]:
-        """Two rules, with and without supports."""
-        return problem.operator(np.zeros_like(self.fixed)), problem.operator(self.fixed)
-
-    def at(self, problem: AbstractProblem) -> "MatrixFree":
-        """The same."""
-        return self
-
-    def gathered(self, forces: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """All of them: there are no couplings."""
-        return forces
-
-    def restrict(self, fields: Float[np.ndarray, "columns nodes block"]) -> np.ndarray:
-        """All nodes."""
-        return np.where(self.fixed, 0.0, fields).reshape(len(fields), -1).T.copy()
-
-    def expand(
-        self, x: Float[np.ndarray, "dofs columns"], value: Float[np.ndarray, "nodes block"]
-    ) -> Float[np.ndarray, "columns nodes block"]:
-        """Whole fields."""
-        return np.where(self.fixed, value, x.T.reshape(-1, *self.fixed.shape))
-
-
-@dataclass(frozen=True, eq=False)
-class System:
-    """What a solved problem leaves for the next: the same elements and supports, other values.
-
-    Attributes:
-        form: pattern and elimination of supports.
-        K: stiffness without supports.
-        factor: of the reduced stiffness.
-    """
-
-    form: AbstractForm
-    K: Matrix
-    factor: Factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,7 +128,7 @@ def equilibrium(
     # Loads within elements act, and moved supports do, whatever is fixed.
     active = _moves(problem) or bool((problem.loads != problem.forces).any())
     check_loads(problem.fixed, problem.loads, moved=active, points=problem.points)
-    form = _form(problem, solver) if previous is None else previous.system.form.at(problem)
+    form = form_of(problem, solver) if previous is None else previous.system.form.at(problem)
     gathered = form.gathered(problem.loads)
     if problem.couplings:
         check_loads(problem.fixed, gathered, moved=active, points=problem.points)
@@ -387,28 +155,6 @@ def equilibrium(
         raise _named(failure, problem, form) from failure
     u = form.expand(solved.x, value)
     return problem, u, solved.residual, solved.iterations, System(form, K, factor)
-
-
-def _form(problem: AbstractProblem, solver: str) -> AbstractForm:
-    if solver != MATRIX_FREE:
-        return Assembled.of(problem)
-    if problem.couplings:
-        raise FeaError(
-            f'Solver "{MATRIX_FREE}" takes no couplings; choose "auto", or leave the couplings out.'
-        )
-    return MatrixFree(problem.fixed)
-
-
-def _transfer(problem: AbstractProblem) -> Transfer | None:
-    if not problem.couplings:
-        return None
-    return Transfer.of(problem.couplings, problem.points)
-
-
-def _congruent(T: bsr_array, A: bsr_array) -> bsr_array:
-    """Tᵀ A T in the blocks of A, its columns sorted."""
-    mirror = bsr_array(T.T)
-    return multiply(multiply(mirror, A, ordered=False), T)
 
 
 def _checked(problem: Problem) -> Problem:
@@ -477,13 +223,6 @@ def _check_same(problem: AbstractProblem, previous: AbstractSolution, solver: st
 
 def _equal(a: np.ndarray, b: np.ndarray) -> bool:
     return a is b or np.array_equal(a, b)
-
-
-def times(
-    K: Matrix, u: Float[np.ndarray, "cases nodes block"]
-) -> Float[np.ndarray, "cases nodes block"]:
-    """K u of several fields."""
-    return (K @ u.reshape(len(u), -1).T).T.reshape(u.shape)
 
 
 def on_host(name: str, value: ArrayLike) -> np.ndarray:

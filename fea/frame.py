@@ -31,7 +31,7 @@ from fea.beam import (
     strut_displacements,
 )
 from fea.couplings import AbstractCoupling, Tie, check_couplings
-from fea.equilibrium import AbstractProblem, AbstractSolution, equilibrium
+from fea.equilibrium import AbstractSolution, equilibrium
 from fea.errors import FeaError
 from fea.frame_checks import (
     check_held,
@@ -45,6 +45,7 @@ from fea.frame_checks import (
 )
 from fea.frame_operator import diagonal_blocks, product
 from fea.linear_solve.element_operator import ElementOperator
+from fea.problem import AbstractProblem
 from fea.sections import AbstractSection
 from fea.shell import Triangle, shell_pairs, shell_stiffness, weighted_strains
 from fea.skin import Skin

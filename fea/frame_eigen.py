@@ -24,11 +24,11 @@ from fea.assembly import Pattern
 from fea.beam import Strut, StrutMaterial
 from fea.beam_eigen import geometric_pairs, geometric_work, inertia_work, mass_pairs
 from fea.eigenpairs import EigenPairs, EigenResult
-from fea.equilibrium import Assembled, times
 from fea.errors import FeaError
 from fea.frame import BLOCK, FrameProblem, FrameSolution
 from fea.shell import PAIRS, Triangle
 from fea.shell_eigen import shell_geometric_stiffness, shell_mass
+from fea.system import Assembled, times
 from fea.transfer import Transfer
 
 ArrayLike = Array | np.ndarray

@@ -18,7 +18,7 @@ from scipy.sparse import bsr_array
 
 from fea.adjoint import ArrayLike
 from fea.eigenpairs import EigenPairs, EigenResult, lowest_eigenpairs
-from fea.equilibrium import Assembled, on_host, times
+from fea.equilibrium import on_host
 from fea.errors import FeaError
 from fea.frame import FrameProblem
 from fea.frame_eigen import Inertia, check_simple, eigenvalue_gradient
@@ -28,6 +28,7 @@ from fea.mechanisms import describe_mode
 from fea.precision import require_x64
 from fea.rigid_motion import extent_of, null_space, rigid_body_modes, rigid_modes
 from fea.stability import scaled
+from fea.system import Assembled, times
 
 # Smallest shift of a free structure, as a share of K over M of a typical dof: far above rounding.
 LEAST_SHIFT = 1e-9

@@ -25,12 +25,13 @@ from fea.elements import (
     physical_gradients,
     strain,
 )
-from fea.equilibrium import AbstractProblem, AbstractSolution, equilibrium
+from fea.equilibrium import AbstractSolution, equilibrium
 from fea.error_estimate import ErrorEstimate, estimate_error
 from fea.errors import FeaError
 from fea.linear_solve.element_operator import ElementOperator, masked_blocks
 from fea.materials import AbstractMaterial
 from fea.mechanisms import free_body
+from fea.problem import AbstractProblem
 from fea.stress_recovery import RecoveredStress, recovered_stress
 from fea.tet_mesh import TetMesh
 

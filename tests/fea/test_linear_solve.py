@@ -5,10 +5,10 @@ from jax.tree_util import Partial
 from scipy.sparse import bsr_array, csr_array
 
 from fea import FeaError, SolveResult, Support, TetMesh, factorise, material, rigid_body_modes
-from fea.equilibrium import Assembled
 from fea.linear_solve import ElementOperator, SingularStiffness, cg_jax, choice, mkl_sparse
 from fea.linear_solve.direct_pardiso import is_installed
 from fea.solid import SolidProblem
+from fea.system import Assembled
 
 needs_mkl = pytest.mark.skipif(not is_installed(), reason="pypardiso not installed")
 PARDISO = pytest.param("pardiso", marks=needs_mkl)

@@ -19,8 +19,8 @@ from fea import (
     quadrature_stress,
     solve_solid,
 )
-from fea.equilibrium import Assembled
 from fea.materials import Orthotropic
+from fea.system import Assembled
 
 STEEL = Material(E=210e3, nu=0.3, density=7.85e-9)
 WOOD = Orthotropic(

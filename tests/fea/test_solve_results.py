@@ -6,11 +6,11 @@ import pytest
 from scipy.sparse import bsr_array, bsr_matrix, coo_array, csc_array, csr_array, csr_matrix
 
 from fea import FeaError, SolveResult, Support, TetMesh, factorise, material, rigid_body_modes
-from fea.equilibrium import Assembled
 from fea.linear_solve import SingularStiffness, amg, cg_jax, interface
 from fea.linear_solve.direct_pardiso import is_installed
 from fea.linear_solve.element_operator import MATRIX_FREE
 from fea.solid import SolidProblem
+from fea.system import Assembled
 
 needs_mkl = pytest.mark.skipif(not is_installed(), reason="pypardiso not installed")
 PARDISO = pytest.param("pardiso", marks=needs_mkl)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fea import FrameProblem, Round
-from fea.equilibrium import Assembled
 from fea.linear_solve import thin_structures
 from fea.linear_solve.thin_structures import is_thin, is_thin_surface, widest_front
 from fea.skin import Skin
+from fea.system import Assembled
 
 SQUARES = 12
 

@@ -337,6 +337,7 @@ def test_strength_is_that_of_struts_and_skin():
     inertia = (8**4 - 7**4) / 12
     bending = 20 * 16 * 4 / inertia
     assert strength.skin_von_mises.max() == pytest.approx(bending, rel=0.3)
+    assert model.skin is not None
     along = np.isfinite(model.skin.beyond)
     assert along.any()
     assert not strength.euler_utilisation[along].any()
