@@ -220,10 +220,11 @@ def _cell(options: argparse.Namespace) -> int:
 
 
 def _stiffness(cell: "UnitCell", radius: float, png: Path | None) -> None:
-    from texmap_opt.cells.homogenised import homogenised_cell
+    from texmap_opt.cells.homogenised import fitting_joint_model, homogenised_cell
     from texmap_opt.report.drawing import draw_stiffness
 
-    homogenised = homogenised_cell(cell, radius=radius)
+    model = fitting_joint_model(cell, radius)
+    homogenised = homogenised_cell(cell, radius=radius, joint_model=model)
     print("\n".join(f"  {line}" for line in homogenised.text().splitlines()))
     if png:
         surface = homogenised.stiffness.directional_modulus()

@@ -28,6 +28,8 @@ DENSITY_TOLERANCE = 0.005
 DENSITY_TRIES = 4
 # Relative accuracy of a volume reached by scaling radii, and the most steps towards it.
 VOLUME_RTOL = 1e-8
+# Share of struts beyond the joint model that the user is told of.
+NOTABLE_THICK_SHARE = 0.1
 SCALING_STEPS = 40
 
 
@@ -118,12 +120,24 @@ def _filled(
             )
             if not sized.converged:
                 progress.warn(f"sizing: {sized.message}")
+            _warn_of_thick_struts(model, structure, progress)
     with progress.stage("lattice"):
         lattice = lattice_solid(structure, tolerance_mm=case.output.tolerance_mm)
         checked = require_printable(lattice, "The lattice")
         inside = intersection(lattice, part.surface).volume
         progress.detail(f"{len(lattice.faces):,} triangles")
     return Filling(structure, model, sized, lattice, checked, inside, lattice_volume(structure))
+
+
+def _warn_of_thick_struts(model: FrameModel, structure: Structure, progress: Progress) -> None:
+    zones = model.zones
+    thicker = 0.0 if zones is None else zones.thicker(structure.radii)
+    if zones is not None and thicker > NOTABLE_THICK_SHARE:
+        progress.warn(
+            f"sizing: {100 * thicker:.0f} % of the struts are thicker than the joint model was fitted "
+            f"to (radius over length {zones.model.slenderness:g}) and count as that thick, so that its "
+            f"error of {100 * zones.model.error:.2g} % does not cover them; larger cells would be slimmer"
+        )
 
 
 def _check_printable(structure: Structure) -> None:

@@ -34,6 +34,7 @@ class HomogenisedCell:
         stiffness: effective stiffness over the solid's Young's modulus.
         density: relative density, what struts share at joints counted once.
         centre_line_density: the same with every strut counted from joint to joint.
+        joint_model: what stiffened the joints; None: beams from joint to joint.
     """
 
     cell: UnitCell
@@ -42,6 +43,7 @@ class HomogenisedCell:
     stiffness: EffectiveStiffness
     density: float
     centre_line_density: float
+    joint_model: JointModel | None
 
     def text(self) -> str:
         """The report in lines; moduli are over that of the solid."""
@@ -57,6 +59,7 @@ class HomogenisedCell:
         lines = [
             f"frame model, radius {self.radius:g} of the cell's edge, solid with E = 1 and nu = "
             f"{self.nu:g}",
+            f"joints    {self._joints()}",
             f"density   {self.density:.4g} (centre lines {self.centre_line_density:.4g})",
             "E         "
             + ", ".join(
@@ -73,6 +76,29 @@ class HomogenisedCell:
             f"anisotropy  {anisotropy}",
         ]
         return "\n".join(lines)
+
+    def _joints(self) -> str:
+        if self.joint_model is not None:
+            return f"stiffened as fitted to solids, within {100 * self.joint_model.error:.2g} %"
+        if self.cell.joint_model is None:
+            return "beams from joint to joint: too soft, the more so the thicker (no joint model)"
+        return (
+            "beams from joint to joint: thicker than the joint model was fitted to, radius/length "
+            f"{self.cell.joint_model.slenderness:g}"
+        )
+
+
+def fitting_joint_model(cell: UnitCell, radius: float) -> JointModel | None:
+    """The cell's joint model where it was fitted to struts as thick as these; else None.
+
+    Args:
+        cell: the unit cell.
+        radius: of struts of relative radius 1, in cell edges.
+    """
+    model = cell.joint_model
+    ends = cell.joints[cell.struts]
+    thickest = radius * cell.relative_radius / np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return model if model is not None and thickest.max() <= model.slenderness else None
 
 
 def homogenised_cell(
@@ -120,6 +146,7 @@ def homogenised_cell(
         stiffness=stiffness,
         density=density,
         centre_line_density=frame.density,
+        joint_model=joint_model,
     )
 
 

@@ -10,7 +10,7 @@ from fea.beam import StrutMaterial
 from fea.homogenise import homogenise_frame
 from fea.sections import Round
 from texmap_opt.cells.catalogue import cell_names, unit_cell
-from texmap_opt.cells.homogenised import homogenised_cell
+from texmap_opt.cells.homogenised import fitting_joint_model, homogenised_cell
 from texmap_opt.cells.periodic_frame import periodic_frame
 from texmap_opt.cells.rigidity import mechanisms
 from texmap_opt.cells.unit_cell import UnitCell
@@ -128,3 +128,21 @@ def test_the_command_line_draws_the_stiffness(tmp_path: Path, capsys):
 def test_the_command_line_wants_a_radius_for_the_picture(capsys):
     assert run("cell", "bcc", "--stiffness", "x.png") == 2
     assert "--stiffness needs --radius" in capsys.readouterr().err
+
+
+def test_the_command_stiffens_joints_where_the_cell_was_fitted_to_such_struts(capsys):
+    """Octet, r/L up to 0.134 of edges/sqrt(2); beyond, and for cells without a model, it says so."""
+    for name, radius, words in (
+        ("octet", "0.05", "fitted to solids, within 5.4 %"),
+        ("octet", "0.12", "thicker than the joint model was fitted to"),
+        ("diamond", "0.05", "no joint model"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["cell", name, "--radius", radius])
+        assert ended.value.code == 0
+        assert words in capsys.readouterr().out
+    cell = unit_cell("octet")
+    plain = homogenised_cell(cell, radius=0.05)
+    fitted = homogenised_cell(cell, radius=0.05, joint_model=fitting_joint_model(cell, 0.05))
+    E = [each.stiffness.engineering_constants.E[0] for each in (plain, fitted)]
+    assert 1.05 < E[1] / E[0] < 1.2
