@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from solid import best, installed, machine
+from solid import best, installed, judged_table, machine
 
 # This process stays small and imports no numerics: a child's peak memory starts from its parent's.
 
@@ -152,19 +152,8 @@ def figures(runs: list[dict[str, Any]], kind: str) -> list[tuple[str, float, flo
 
 def markdown(result: dict[str, Any]) -> str:
     """The tables for readers."""
-    about, versions = result["machine"], result["versions"]
-    lines = [
-        f"{about['cpu']}, {about['cores']} cores, {about['memory_gb']:g} GB; "
-        + ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
-        + f". Least of {result['repeats']} repeats; residual 1e-8 wanted, 1e-6 of plates and shells.",
-        "",
-        "| figure | value | limit | | by CPU seconds |",
-        "|---|---|---|---|---|",
-    ]
-    for row in result["targets"]:
-        met = "met" if row["met"] else "**missed**"
-        value, limit, by_cpu = (f"{row[key]:.3g}" for key in ("value", "limit", "by_cpu"))
-        lines.append(f"| {row['what']} | {value} | {limit} | {met} | {by_cpu} |")
+    note = "; residual 1e-8 wanted, 1e-6 of plates and shells"
+    lines = judged_table(result, note, "{:.3g}")
     lines += [
         "",
         "| run | dofs | solver | stages, wall / CPU s | GB, before / peak | residual | iterations | also |",

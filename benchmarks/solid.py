@@ -218,21 +218,33 @@ def _whole(row: dict[str, Any], kind: str) -> list[tuple[str, float, float]]:
     ]
 
 
-def markdown(result: dict[str, Any]) -> str:
-    """The tables for readers."""
+def judged_table(result: dict[str, Any], note: str, number: str) -> list[str]:
+    """Lines with the machine, the versions, and every figure against its limit.
+
+    Args:
+        result: of a benchmark with targets.
+        note: ends the first line.
+        number: how numbers are written, such as "{:g}".
+    """
     about, versions = result["machine"], result["versions"]
     lines = [
         f"{about['cpu']}, {about['cores']} cores, {about['memory_gb']:g} GB; "
         + ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
-        + f". Least of {result['repeats']} repeats.",
+        + f". Least of {result['repeats']} repeats{note}.",
         "",
         "| figure | value | limit | | by CPU seconds |",
         "|---|---|---|---|---|",
     ]
     for row in result["targets"]:
         met = "met" if row["met"] else "**missed**"
-        value, limit, by_cpu = (f"{row[key]:g}" for key in ("value", "limit", "by_cpu"))
+        value, limit, by_cpu = (number.format(row[key]) for key in ("value", "limit", "by_cpu"))
         lines.append(f"| {row['what']} | {value} | {limit} | {met} | {by_cpu} |")
+    return lines
+
+
+def markdown(result: dict[str, Any]) -> str:
+    """The tables for readers."""
+    lines = judged_table(result, "", "{:g}")
     lines += [
         "",
         "| run | dofs | rtol | stages, wall / CPU s | GB, before / peak | residual | iterations | also |",

@@ -18,8 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fea.equilibrium import AbstractSolution, on_host
-from fea.errors import FeaError
+from fea.equilibrium import AbstractSolution, known_parameters, on_host
 from fea.problem import AbstractProblem
 from fea.system import Assembled, times
 
@@ -92,17 +91,7 @@ def displacement(
         FeaError: an unknown parameter, a call inside `jax.jit`, or what `equilibrium` raises.
     """
     known = {**problem.parameters, "forces": problem.forces, "value": problem.value}
-    for name, value in parameters.items():
-        if name not in known:
-            raise FeaError(
-                f'"{name}" is no parameter of this problem; choose from {", ".join(known)}.'
-            )
-        if np.shape(value) != np.shape(known[name]):
-            raise FeaError(
-                f'"{name}" has shape {np.shape(value)} here; this problem needs '
-                f"{np.shape(known[name])}."
-            )
-    values = {name: jnp.asarray(value) for name, value in parameters.items()}
+    values = known_parameters(parameters, known, "this problem")
     return _displacement(problem, _Options(solver, sequence or Sequence()), values)
 
 

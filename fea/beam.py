@@ -27,6 +27,10 @@ from fea.sections import AbstractSection
 
 ArrayLike = Array | np.ndarray
 
+# Degrees of freedom of a joint, of a node of a skin, and of all that is coupled to them: three
+# displacements, three rotations.
+BLOCK = 6
+
 
 class Strut(eqx.Module):
     """One strut, or with a leading axis all struts of a frame.

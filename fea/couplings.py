@@ -19,11 +19,8 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fea.beam import cross_matrix
+from fea.beam import BLOCK, cross_matrix
 from fea.errors import FeaError, position_text
-
-# Degrees of freedom of a coupled node: three displacements, three rotations.
-BLOCK = 6
 
 # Largest difference of the sum of shape functions from one.
 PARTITION_OF_UNITY = 1e-9

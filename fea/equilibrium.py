@@ -5,11 +5,13 @@ its forces. `fea.adjoint` differentiates its solution.
 """
 
 import abc
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar, cast
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -239,3 +241,26 @@ def on_host(name: str, value: ArrayLike) -> np.ndarray:
             "fea.displacement by name, and call that outside jax.jit, jax.vmap and jax.jacrev "
             "(take rows of a Jacobian by jax.grad)."
         ) from failure
+
+
+def known_parameters(
+    given: Mapping[str, ArrayLike], known: Mapping[str, np.ndarray], owner: str
+) -> dict[str, Array]:
+    """Parameters given by name, in JAX.
+
+    Args:
+        given: by the user.
+        known: the owner's own, by name.
+        owner: what has parameters, for messages: "this problem".
+
+    Raises:
+        FeaError: for a name that the owner does not have, or another shape.
+    """
+    for name, value in given.items():
+        if name not in known:
+            raise FeaError(f'"{name}" is no parameter of {owner}; choose from {", ".join(known)}.')
+        if np.shape(value) != np.shape(known[name]):
+            raise FeaError(
+                f'"{name}" has shape {np.shape(value)} here; {owner} needs {np.shape(known[name])}.'
+            )
+    return {name: jnp.asarray(value) for name, value in given.items()}

@@ -22,6 +22,7 @@ from scipy.sparse import bsr_array
 from fea.assembly import Pattern
 from fea.batches import batches
 from fea.beam import (
+    BLOCK,
     Strut,
     StrutMaterial,
     beam_end_forces,
@@ -52,9 +53,6 @@ from fea.skin import Skin
 from fea.strut_loads import strut_joint_loads, strut_load_forces
 
 ArrayLike = Array | np.ndarray
-
-# Degrees of freedom of a joint.
-BLOCK = 6
 
 # Elements differentiated at once.
 AT_ONCE = 32_768
@@ -263,7 +261,7 @@ class FrameProblem(AbstractProblem):
         struts = jax.tree.map(np.asarray, self.strut_values())
         by = jax.tree.map(lambda leaf: np.zeros(leaf.shape), struts)
         for run, some in batches(len(self.struts), AT_ONCE):
-            fields = _at(v, self.struts[some]), _at(u, self.struts[some])
+            fields = element_dofs(v, self.struts[some]), element_dofs(u, self.struts[some])
             part = jax.tree.map(lambda leaf, some=some: leaf[some], struts)
             _keep(by, _strut_gradient(part, self.strut_material, fields), run)
         gradient = {
@@ -279,7 +277,10 @@ class FrameProblem(AbstractProblem):
             triangles = jax.tree.map(np.asarray, self.triangle_values())
             by = jax.tree.map(lambda leaf: np.zeros(leaf.shape), triangles)
             for run, some in batches(len(skin.triangles), AT_ONCE):
-                fields = _at(v, skin.triangles[some]), _at(u, skin.triangles[some])
+                fields = (
+                    element_dofs(v, skin.triangles[some]),
+                    element_dofs(u, skin.triangles[some]),
+                )
                 part = jax.tree.map(lambda leaf, some=some: leaf[some], triangles)
                 _keep(by, _triangle_gradient(part, skin.E, skin.nu, fields), run)
             gradient["joints"] += _summed(len(self.joints), skin.triangles, by.corners)
@@ -336,9 +337,10 @@ def solve_frame(
     return frame.solved(previous=previous, solver=solver)
 
 
-def _at(
+def element_dofs(
     fields: Float[np.ndarray, "cases joints 6"], nodes: Int[np.ndarray, "elements corners"]
 ) -> Float[np.ndarray, "cases elements dofs"]:
+    """Fields of whole elements, node after node."""
     return fields[:, nodes].reshape(len(fields), len(nodes), -1)
 
 

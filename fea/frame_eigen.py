@@ -21,11 +21,11 @@ from scipy.sparse import bsr_array
 
 from fea.adjoint import added
 from fea.assembly import Pattern
-from fea.beam import Strut, StrutMaterial
+from fea.beam import BLOCK, Strut, StrutMaterial
 from fea.beam_eigen import geometric_pairs, geometric_work, inertia_work, mass_pairs
 from fea.eigenpairs import EigenPairs, EigenResult
 from fea.errors import FeaError
-from fea.frame import BLOCK, FrameProblem, FrameSolution
+from fea.frame import FrameProblem, FrameSolution, element_dofs
 from fea.shell import PAIRS, Triangle
 from fea.shell_eigen import shell_geometric_stiffness, shell_mass
 from fea.system import Assembled, times
@@ -268,7 +268,7 @@ def check_simple(found: EigenPairs, mode: int, what: str) -> None:
 
 
 def _at(fields: Float[np.ndarray, "joints 6"], nodes: np.ndarray) -> Float[Array, "elements dofs"]:
-    return jnp.asarray(fields[nodes].reshape(len(nodes), nodes.shape[1] * BLOCK))
+    return jnp.asarray(element_dofs(fields[None], nodes)[0])
 
 
 def _by_parameters(frame: FrameProblem, struts: Strut, triangles: Triangle | None) -> Gradients:

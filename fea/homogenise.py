@@ -23,9 +23,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.sparse import bsr_array
 
-from fea.beam import Strut, StrutMaterial, beam_end_forces, beam_stiffnesses
-from fea.equilibrium import on_host
-from fea.errors import FeaError, position_text
+from fea.beam import BLOCK, Strut, StrutMaterial, beam_end_forces, beam_stiffnesses
+from fea.equilibrium import known_parameters, on_host
+from fea.errors import position_text
 from fea.linear_solve import SingularStiffness, factorise
 from fea.periodic_frame import PeriodicFrame
 from fea.periodicity import UNIT_STRAINS, held, summed_blocks
@@ -33,9 +33,6 @@ from fea.precision import require_x64
 from fea.rigid_motion import rigid_body_modes
 
 ArrayLike = Array | np.ndarray
-
-# Degrees of freedom of a joint.
-BLOCK = 6
 
 # A joint of a free motion turns, rather than moves, when its rotation over the longest period makes up
 # this share of it.
@@ -138,18 +135,7 @@ def homogenised(
     Raises:
         FeaError: for a parameter that the frame does not have, and what `homogenise_frame` raises.
     """
-    known = frame.parameters
-    for name, value in parameters.items():
-        if name not in known:
-            raise FeaError(
-                f'"{name}" is no parameter of this periodic frame; choose from {", ".join(known)}.'
-            )
-        if np.shape(value) != known[name].shape:
-            raise FeaError(
-                f'"{name}" has shape {np.shape(value)} here; this periodic frame needs '
-                f"{known[name].shape}."
-            )
-    values = {name: jnp.asarray(value) for name, value in parameters.items()}
+    values = known_parameters(parameters, frame.parameters, "this periodic frame")
     return _homogenised(_Static(frame, solver), values)
 
 

@@ -4,7 +4,9 @@ Section forces follow from what the first joint exerts on the strut and from the
 section, by equilibrium alone; deflections from them by integration along the strut.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -121,25 +123,21 @@ def deflection(
 
 
 @eqx.filter_jit
-def frame_section_forces(
+def at_sections(
+    values: Callable,
     struts: Strut,
     material: StrutMaterial,
     u: Float[Array, "cases struts 12"],
     loads: Float[Array, "cases struts 3 3"] | None,
     xi: Float[Array, " points"],
-) -> SectionForces:
-    """`section_forces` of every strut and case; the radius, too, is repeated for each case."""
+) -> Any:
+    """`section_forces` or `deflection` of every strut and case.
+
+    What does not depend on the case, such as the radius, is repeated for each.
+    """
 
     def one(strut, u, load):
-        return section_forces(strut, material, u, load, xi)
-
-    return jax.vmap(jax.vmap(one), in_axes=(None, 0, 0))(struts, u, loads)
-
-
-@eqx.filter_jit
-def _deflections(struts, material, u, loads, xi):
-    def one(strut, u, load):
-        return deflection(strut, material, u, load, xi)
+        return values(strut, material, u, load, xi)
 
     return jax.vmap(jax.vmap(one), in_axes=(None, 0, 0))(struts, u, loads)
 
@@ -196,7 +194,7 @@ def member_forces(
         moment=np.zeros((cases, count, points, 3)),
     )
     for run, some in batches(count, AT_ONCE):
-        forces = frame_section_forces(*_of(solution, chosen[some]), jnp.asarray(xi))
+        forces = at_sections(section_forces, *_of(solution, chosen[some]), jnp.asarray(xi))
         kept = run.stop - run.start
         result.radius[run] = forces.radius[0, :kept]
         for name in ("axial", "shear", "torque", "moment"):
@@ -216,7 +214,7 @@ def strut_deflection(
     chosen = _chosen(solution, struts)
     result = np.zeros((len(solution.displacement), len(chosen), points, 3))
     for run, some in batches(len(chosen), AT_ONCE):
-        values = _deflections(*_of(solution, chosen[some]), jnp.asarray(xi))
+        values = at_sections(deflection, *_of(solution, chosen[some]), jnp.asarray(xi))
         result[:, run] = values[:, : run.stop - run.start]
     return result
 

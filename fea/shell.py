@@ -15,12 +15,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from fea.assembly import node_pairs
+from fea.beam import BLOCK
 from fea.shell_bending import corner_curvatures
 from fea.shell_membrane import higher_order_share, linear_strain, mean_strain
 from fea.shell_plane import SLOPE_SHARE, SLOPES, PlaneTriangle, Scalar, plane_stress_root
-
-# Degrees of freedom of a node.
-BLOCK = 6
 
 # Nodes whose blocks the stiffness of a triangle hands over.
 PAIRS = node_pairs(3)

@@ -5,7 +5,8 @@ import numpy as np
 from jax.scipy.linalg import block_diag
 from jaxtyping import Array, Float
 
-from fea.shell import BLOCK, Triangle, bending_dofs, membrane_dofs
+from fea.beam import BLOCK
+from fea.shell import Triangle, bending_dofs, membrane_dofs
 from fea.shell_bending import deflection, deflection_shapes, slope_shapes, slopes
 from fea.shell_membrane import mean_strain
 from fea.shell_plane import PlaneTriangle, Scalar, plane_stress_root

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fea.shell import BLOCK, Triangle, bending_dofs, membrane_dofs
+from fea.beam import BLOCK
+from fea.shell import Triangle, bending_dofs, membrane_dofs
 from fea.shell_bending import corner_curvatures
 from fea.shell_membrane import mean_strain
 from fea.shell_plane import PlaneTriangle, Scalar, plane_stress_root

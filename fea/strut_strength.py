@@ -20,7 +20,7 @@ from fea.section_forces import (
     AT_ONCE,
     POINTS,
     SectionForces,
-    frame_section_forces,
+    at_sections,
     section_forces,
 )
 from fea.sections import AbstractSection
@@ -150,7 +150,9 @@ def euler_utilisation(
     # Without loads between the joints the axial force is the same everywhere.
     struts, u, loads = _struts(frame, displacement, parameters)
     sections = np.zeros(1) if loads is None else np.linspace(0, 1, POINTS)
-    forces = frame_section_forces(struts, frame.strut_material, u, loads, jnp.asarray(sections))
+    forces = at_sections(
+        section_forces, struts, frame.strut_material, u, loads, jnp.asarray(sections)
+    )
     compression = jnp.maximum(-forces.axial, 0.0).max(axis=-1)
     return compression / _euler_load(struts, frame, length_factor)[None]
 

@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import bsr_array
 
-from fea.couplings import BLOCK, AbstractCoupling
+from fea.beam import BLOCK
+from fea.couplings import AbstractCoupling
 
 
 @dataclass(frozen=True, eq=False)

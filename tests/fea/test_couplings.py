@@ -18,7 +18,8 @@ from fea import (
     vibration,
 )
 from fea.adjoint import compliance_gradient
-from fea.couplings import BLOCK, Distributing, Rigid, Tie
+from fea.beam import BLOCK
+from fea.couplings import Distributing, Rigid, Tie
 from fea.skin import Skin
 from fea.transfer import Transfer
 
