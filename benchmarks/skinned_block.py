@@ -34,7 +34,8 @@ from texmap_opt.stress_field import stress_field
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.volume import lattice_volume
 from texmap_opt.trimmed_lattice import trimmed_lattice
-from texmap_opt.warp.hex_grid import HexGrid
+from texmap_opt.warp.box import Box
+from texmap_opt.warp.grid import Grid
 
 HERE = Path(__file__).parent
 PACKAGES = ("numpy", "scipy", "jax", "pytetwild")
@@ -97,7 +98,7 @@ def block() -> Part:
 
 def lattice(given: DesignCase, part: Part, radius: float, stress: Any) -> Structure:
     """The octet, its outermost joints on the block's faces."""
-    grid = HexGrid.uniform(part.bounds, CELLS)
+    grid = Grid.uniform(Box.aligned(part.bounds), CELLS)
     cell = unit_cell("octet")
     return trimmed_lattice(given, part, stress, cell, grid, radius_mm=radius).structure
 

@@ -15,17 +15,25 @@ from texmap_opt.case_sections import (
     SURFACE_ACTIONS,
     TONNE_PER_MM3,
     AnalysisSection,
+    ImportedSection,
     LatticeSection,
     LoadSection,
     OutputSection,
+    PaintSection,
     PartSection,
     SizingSection,
     SupportSection,
     WarpSection,
 )
 from texmap_opt.case_table import number, read_section
+from texmap_opt.case_warp import check_warp, painted_regions
 from texmap_opt.errors import CaseError, nearest_name
-from texmap_opt.region import AbstractRegion, region_from_table
+from texmap_opt.region import AbstractRegion
+from texmap_opt.region_table import region_from_table
+from texmap_opt.warping_function.painted import PaintedRegion
+
+# Keys that name a file, relative to the case.
+FILES = (("part", "file"), ("analysis", "mesh"), ("imported", "file"), ("imported", "values"))
 
 
 @dataclass(frozen=True)
@@ -60,7 +68,8 @@ class DesignCase:
         path: the case file.
         part, analysis, lattice, warp, sizing, output: the sections, defaults filled in.
         material: elastic constants and density in MPa and tonne/mm³.
-        supports, loads: with their regions understood.
+        supports, loads, paint: with their regions understood.
+        imported: the result of another program that drives the warp; None: there is none.
         tables: the TOML tables that `to_toml` writes back.
     """
 
@@ -72,6 +81,8 @@ class DesignCase:
     loads: tuple[Load, ...]
     lattice: LatticeSection
     warp: WarpSection
+    paint: tuple[PaintedRegion, ...]
+    imported: ImportedSection | None
     sizing: SizingSection
     output: OutputSection
     tables: dict[str, Any]
@@ -85,6 +96,10 @@ class DesignCase:
     def input_files(self) -> tuple[Path, ...]:
         """Files that a run reads and that no output may replace."""
         named = [self.part.file, self.lattice.cell if self.lattice.cell.endswith(".xml") else None]
+        if self.imported is not None:
+            named += [self.imported.file, self.imported.values]
+        for name in ("support", "load", "paint"):
+            named += [_region_file(entry.get("region")) for entry in self.tables.get(name, [])]
         return (self.path, *(self.directory / name for name in named if name))
 
     @property
@@ -128,7 +143,7 @@ class DesignCase:
     def from_tables(tables: dict[str, Any], path: Path) -> "DesignCase":
         """Validate tables already read; `path` names the file in messages."""
         file = path.name
-        known = {*SECTIONS, "support", "load"}
+        known = {*SECTIONS, "support", "load", "paint", "imported"}
         for name in tables:
             if name not in known:
                 raise CaseError(f"{file}: [{name}] is not a section; {nearest_name(name, known)}")
@@ -144,6 +159,10 @@ class DesignCase:
             material=sections.pop("material").material(f"{file}: [material]"),
             supports=_supports(tables, file, path.resolve().parent),
             loads=_loads(tables, file, path.resolve().parent),
+            paint=painted_regions(
+                _read_all(PaintSection, tables, "paint", file), file, path.resolve().parent
+            ),
+            imported=_imported(tables, file),
             tables=tables,
             **sections,
         )
@@ -169,13 +188,17 @@ class DesignCase:
             tables["material"]["yield_MPa"] = material.yield_stress
         for name in ("lattice", "warp", "sizing", "output"):
             tables[name] = _known(getattr(self, name))
-        for section, entry in (("part", "file"), ("analysis", "mesh")):
-            if entry in tables[section]:
+        if self.paint:
+            tables["paint"] = [_known(s) for s in _read_all(PaintSection, self.tables, "paint")]
+        if self.imported is not None:
+            tables["imported"] = _known(self.imported)
+        for section, entry in FILES:
+            if entry in tables.get(section, {}):
                 tables[section][entry] = str((self.directory / tables[section][entry]).resolve())
         cell = self.directory / self.lattice.cell
         if cell.suffix.lower() == ".xml":
             tables["lattice"]["cell"] = str(cell.resolve())
-        for action in (*tables["support"], *tables["load"]):
+        for action in (*tables["support"], *tables["load"], *tables.get("paint", [])):
             self._anchor_region(action.get("region", {}))
         return tomli_w.dumps(tables)
 
@@ -195,6 +218,12 @@ class DesignCase:
             region["stl"] = str((self.directory / stl).resolve())
         elif isinstance(stl, dict):
             region["stl"] = stl | {"file": str((self.directory / stl["file"]).resolve())}
+
+
+def _region_file(region: Any) -> str | None:
+    """The file that a region's table names, relative to the case; None without one."""
+    stl = region.get("stl") if isinstance(region, dict) else None
+    return stl.get("file") if isinstance(stl, dict) else stl
 
 
 def _section(tables: dict[str, Any], name: str, file: str) -> dict[str, Any]:
@@ -299,6 +328,12 @@ def _loads(tables: dict[str, Any], file: str, base: Path) -> tuple[Load, ...]:
     return tuple(loads)
 
 
+def _imported(tables: dict[str, Any], file: str) -> ImportedSection | None:
+    if "imported" not in tables:
+        return None
+    return read_section(ImportedSection, tables["imported"], f"{file}: [imported]")
+
+
 def _check_together(case: DesignCase, file: str) -> None:
     """Limits that involve more than one key."""
     lattice, sizing, analysis = case.lattice, case.sizing, case.analysis
@@ -315,10 +350,14 @@ def _check_together(case: DesignCase, file: str) -> None:
             f"{file}: [sizing] volume_fraction = {sizing.volume_fraction:g}: contradicts [lattice] "
             f"relative_density = {lattice.relative_density:g}; give one of them."
         )
-    if case.warp.method in ("best-uniform", "optimised"):
+    check_warp(
+        case.warp, file, load_cases=case.load_cases, paint=case.paint, imported=case.imported
+    )
+    if lattice.kind == "plate" and case.warp.alignment > 0 and case.warp.target == "energy":
         raise CaseError(
-            f'{file}: [warp] method = "{case.warp.method}": is not offered yet; use "uniform", '
-            '"successive-approximation" or "least-squares".'
+            f'{file}: [warp] target = "energy": the struts of kind = "plate" are holes and carry '
+            'nothing, so no orientation of theirs is the stiffest; give target = "axes" or '
+            "alignment = 0."
         )
     if lattice.kind == "plate" and sizing.method != "none":
         raise CaseError(

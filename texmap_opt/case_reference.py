@@ -9,8 +9,14 @@ from dataclasses import MISSING
 
 import fea
 from texmap_opt.builtin_part import BUILTIN_PARTS
-from texmap_opt.case_sections import SECTIONS, LoadSection, SupportSection
-from texmap_opt.region import REGION_KEYS
+from texmap_opt.case_sections import (
+    SECTIONS,
+    ImportedSection,
+    LoadSection,
+    PaintSection,
+    SupportSection,
+)
+from texmap_opt.region_table import REGION_KEYS
 
 INTRODUCTION = """# The case file
 
@@ -23,9 +29,8 @@ a wrong type or an impossible value ends the program with code 2 and one sentenc
 def case_reference() -> str:
     """The whole page as Markdown."""
     parts = [INTRODUCTION]
-    titles = {name: f"[{name}]" for name in SECTIONS} | {
-        "support": "[[support]]",
-        "load": "[[load]]",
+    titles = {name: f"[{name}]" for name in (*SECTIONS, "imported")} | {
+        name: f"[[{name}]]" for name in ("support", "load", "paint")
     }
     sections = dict(SECTIONS)
     order = [
@@ -36,10 +41,17 @@ def case_reference() -> str:
         "load",
         "lattice",
         "warp",
+        "paint",
+        "imported",
         "sizing",
         "output",
     ]
-    sections |= {"support": SupportSection, "load": LoadSection}
+    sections |= {
+        "support": SupportSection,
+        "load": LoadSection,
+        "paint": PaintSection,
+        "imported": ImportedSection,
+    }
     for name in order:
         section = sections[name]
         doc = (section.__doc__ or "").strip().split("`: ", 1)[-1].capitalize()

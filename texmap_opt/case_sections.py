@@ -2,10 +2,24 @@
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Literal
 
 import fea
 from fea import FeaError, Material
-from texmap_opt.case_table import choice, choices, key, number, table, text, vector, whole, yes_no
+from texmap_opt.case_table import (
+    choice,
+    choices,
+    directions,
+    key,
+    number,
+    number_by_name,
+    numbers,
+    table,
+    text,
+    vector,
+    whole,
+    yes_no,
+)
 from texmap_opt.errors import CaseError
 
 # tonne/mm³ in one g/cm³.
@@ -168,6 +182,10 @@ class LatticeSection:
     )
 
 
+# Drivers that read the part's own stress, and so know a tensor that can turn cells.
+STRESS_DRIVERS = ("von-mises", "strain-energy", "principal")
+
+
 @dataclass(frozen=True)
 class WarpSection:
     """`[warp]`: how the grid of cells follows the stress."""
@@ -178,27 +196,145 @@ class WarpSection:
         default="least-squares",
     )
     driver: tuple[str, ...] = key(
-        choices("von-mises", "strain-energy", "principal", "file", "paint"),
-        "what the warping function is made from",
+        choices(*STRESS_DRIVERS, "file", "paint"),
+        "what the warping function f is made from: a measure of the part's own stress (principal: the "
+        "largest in size), a result of another program ([imported]), regions ([[paint]]); several "
+        "combine",
         default=("von-mises",),
-        later='only ["von-mises"] is offered yet.',
+    )
+    combine: str = key(
+        choice("product", "maximum", "sum"),
+        "how several drivers become one f, each over its own mean",
+        default="product",
+    )
+    driver_weights: tuple[float, ...] | None = key(
+        numbers(number(above=0.0)),
+        "one for each driver: its power in a product, its factor otherwise (absent: 1)",
+        default=None,
+    )
+    load_cases: str = key(
+        choice("worst", "sum"),
+        "f of several load cases: the worst at each place, or their sum",
+        default="worst",
+    )
+    case_weights: dict[str, float] | None = key(
+        number_by_name(number(least=0.0)),
+        "load case = factor on its stress (1 for those not named)",
+        default=None,
     )
     exponent: float = key(number(above=0.0, most=4.0), "wanted size ~ f^-exponent", default=1.0)
     contrast: float = key(
         number(least=1.0, most=10.0), "largest over smallest wanted cell size", default=3.0
     )
+    smoothing_cells: float = key(
+        number(least=0.5, most=10.0),
+        "standard deviation of the smoothing of f, in edges of a uniform cell",
+        default=1.0,
+    )
     alignment: float = key(
         number(least=0.0),
-        "weight of turning cells along the stress",
+        "weight of turning cells along the stress; 0: none (least-squares)",
         default=0.0,
-        later="alignment is not offered yet; leave it out or give 0.",
     )
     target: str = key(
         choice("energy", "axes"),
-        "what alignment aims at (has no effect at weight 0)",
+        "what alignment aims at; energy: the way the unit cell is stiffest; axes: cell axes along the "
+        "principal stresses",
         default="energy",
     )
     margin_cells: int = key(whole(least=0), "cells added around the part on every side", default=1)
+    axes: str | tuple = key(
+        directions("part", "principal"),
+        "edges of the box of cells; part: x, y, z; principal: the part's principal axes of inertia, "
+        "the longest first; or three vectors at right angles, such as [[0.8, 0.6, 0], [-0.6, 0.8, 0], "
+        "[0, 0, 1]]",
+        default="part",
+    )
+    fixed_faces: tuple[str, ...] = key(
+        choices("-x", "+x", "-y", "+y", "-z", "+z", least=0),
+        "faces of the box, named along its axes, whose nodes stay; those of the others slide in them",
+        default=(),
+    )
+    conform: float = key(
+        number(least=0.0),
+        "weight of making nodes near the part's surface follow it; 0: they need not (least-squares)",
+        default=0.0,
+    )
+    weights: Literal["printed", "midpoint"] = key(
+        choice("printed", "midpoint"),
+        "f at neighbouring nodes, as the paper prints it, or half way to them, as its text promises "
+        "(successive-approximation)",
+        default="printed",
+    )
+    relaxation: float = key(
+        number(above=0.0, most=1.0),
+        "part of each movement that is made (successive-approximation)",
+        default=1.0,
+    )
+    eps: float = key(
+        number(above=0.0, most=0.1),
+        "movement to stop at, in edges of a uniform cell (successive-approximation)",
+        default=1e-6,
+    )
+    max_sweeps: int = key(
+        whole(least=1), "when to give up (successive-approximation)", default=20_000
+    )
+    size_weight: float = key(
+        number(above=0.0),
+        "weight of the cells' size against their shape (least-squares)",
+        default=10.0,
+    )
+    max_steps: int = key(
+        whole(least=1), "trial grids after which to give up (least-squares)", default=1000
+    )
+    tolerance: float = key(
+        number(above=0.0, most=0.1),
+        "gain of another step, relative to the objective, to stop at (least-squares)",
+        default=1e-4,
+    )
+
+
+@dataclass(frozen=True)
+class PaintSection:
+    """`[[paint]]`: a region where the designer asks for smaller or larger cells."""
+
+    region: dict = key(table(), "where: see Regions; in space, so not `normal`")
+    value: float = key(
+        number(above=0.0),
+        "f in the region; 1 elsewhere, so 2 asks for cells half as large at exponent 1",
+    )
+    falloff_mm: float = key(
+        number(least=0.0),
+        "distance over which f falls to 1 outside the region (at least 4.7 times the smoothing)",
+        default=0.0,
+    )
+
+
+@dataclass(frozen=True)
+class ImportedSection:
+    """`[imported]`: a result of another program as the driver "file"."""
+
+    file: str = key(
+        text(), "VTU, VTK, MSH, XDMF, CSV with columns x, y, z, or INP mesh with a CSV of `values`"
+    )
+    field: str = key(
+        text(),
+        "name of a positive scalar or of a stress tensor in it; in a CSV the column's, or what the "
+        "tensor's columns begin with",
+    )
+    values: str | None = key(
+        text(),
+        "CSV of an INP mesh's values, by the numbers in its column node or element",
+        default=None,
+    )
+    unit: str = key(choice("mm", "cm", "m", "in"), "unit of the file's coordinates", default="mm")
+    order: str | None = key(
+        choice("vtk", "abaqus", "voigt"),
+        "of a tensor's six components where the file does not name them; vtk: xx, yy, zz, xy, yz, xz; "
+        "abaqus: 11, 22, 33, 12, 13, 23; voigt: xx, yy, zz, yz, xz, xy (absent: abaqus for INP, else "
+        "vtk)",
+        default=None,
+    )
 
 
 @dataclass(frozen=True)

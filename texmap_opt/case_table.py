@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
 from texmap_opt.errors import CaseError, nearest_name
 
 Section = TypeVar("Section")
@@ -13,6 +15,8 @@ Section = TypeVar("Section")
 
 # No length, force or stress of a part comes near this; whole numbers of any length stay below.
 LARGEST = 1e15
+# How far from right angles typed axes may be: people give three digits. They are made exact.
+ORTHOGONAL = 2e-3
 
 
 @dataclass(frozen=True)
@@ -129,16 +133,67 @@ def choice(*names: str) -> Kind:
     return Kind(" \\| ".join(f'"{name}"' for name in names), read)
 
 
-def choices(*names: str) -> Kind:
-    """A list of one or more of the given words."""
-    one = choice(*names)
+def choices(*names: str, least: int = 1) -> Kind:
+    """A list of at least `least` of the given words, each of them once."""
 
     def read(value: Any) -> tuple[str, ...]:
-        if not isinstance(value, list) or not value:
+        if not isinstance(value, list) or len(value) < least:
             raise ValueError(f'must be a list, such as ["{names[0]}"].')
-        return tuple(one.read(entry) for entry in value)
+        for name in value:
+            if name not in names:
+                raise ValueError(f"{name!r} is not known; {nearest_name(str(name), names)}")
+            if value.count(name) > 1:
+                raise ValueError(f"names {name!r} twice; once is enough.")
+        return tuple(value)
 
-    return Kind(f"list of {one.name}", read)
+    return Kind(f"list of {choice(*names).name}", read)
+
+
+def numbers(entry: Kind) -> Kind:
+    """A list of one or more numbers."""
+
+    def read(value: Any) -> tuple[float, ...]:
+        if not isinstance(value, list) or not value:
+            raise ValueError("must be a list of numbers, such as [1.0, 0.5].")
+        return tuple(entry.read(number) for number in value)
+
+    return Kind(f"list of: {entry.name}", read)
+
+
+def number_by_name(entry: Kind) -> Kind:
+    """A table of numbers under names that its user knows."""
+
+    def read(value: Any) -> dict[str, float]:
+        if not isinstance(value, Mapping) or not value:
+            raise ValueError("must be a table of numbers, such as { lift = 1.0 }.")
+        return {name: entry.read(number) for name, number in value.items()}
+
+    return Kind(f"table of name = {entry.name}", read)
+
+
+def directions(*names: str) -> Kind:
+    """One of the given words, or three vectors at right angles, right-handed, of any length."""
+    one = choice(*names)
+    three = vector(vector(number()))
+
+    def read(value: Any) -> str | tuple:
+        if isinstance(value, str):
+            return one.read(value)
+        axes = np.array(three.read(value))
+        length = np.linalg.norm(axes, axis=1, keepdims=True)
+        if not np.all(length > 0):
+            raise ValueError("has a vector of length zero; give three directions.")
+        axes = axes / length
+        # The nearest axes at exactly right angles.
+        left, _, right = np.linalg.svd(axes)
+        exact = left @ right
+        if np.abs(axes - exact).max() > ORTHOGONAL:
+            raise ValueError("must be three vectors at right angles to each other.")
+        if np.linalg.det(exact) < 0:
+            raise ValueError("is a left-handed system; swap two vectors or turn one round.")
+        return tuple(tuple(float(x) for x in axis) for axis in exact)
+
+    return Kind(f"{one.name} \\| three vectors", read)
 
 
 def text() -> Kind:

@@ -11,8 +11,10 @@ from texmap_opt.case import DesignCase, Load, Support
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.errors import CaseError
 from texmap_opt.export.whole_file import whole_file
+from texmap_opt.given_drivers import given_drivers
 from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import Part, read_part
+from texmap_opt.part_box import part_box
 from texmap_opt.report.drawing import draw
 from texmap_opt.report.marks import mark_of
 from texmap_opt.report.scenes import PlannedPart
@@ -23,7 +25,7 @@ from texmap_opt.structure.trim import trim
 from texmap_opt.structure.volume import lattice_volume
 from texmap_opt.tetrahedralise import default_edge_mm, estimated_counts
 from texmap_opt.thickness import thinnest_wall
-from texmap_opt.warp.hex_grid import HexGrid
+from texmap_opt.warp.grid import Grid
 
 # Fewer cells than this across a wall behave as no continuum: stiffness then depends on where the
 # grid happens to lie (Onck, Andrews, Gibson, Int. J. Mech. Sci. 43 (2001) 681).
@@ -77,7 +79,7 @@ class Look:
 
     case: DesignCase
     part: Part
-    grid: HexGrid
+    grid: Grid
     regions: tuple[SeenRegion, ...]
     cells_across: float
     thinnest_mm: float
@@ -111,17 +113,18 @@ def look(case: DesignCase) -> Look:
     """Read the part, find the regions, and count what a uniform grid would hold.
 
     Raises:
-        CaseError: a region selects nothing, or the cells do not fit.
+        CaseError: a region selects nothing, the cells do not fit, or a driver of the warp cannot be used.
         PartError: the part cannot be used.
         LatticeError: no lattice would be left.
     """
     part = read_part(case.part, case.directory)
     cell = unit_cell(case.lattice.cell, base=case.directory)
-    plan = plan_grid(case, part.bounds, cell)
+    plan = plan_grid(case, part_box(case, part.surface), cell)
     grid = plan.grid
+    given_drivers(case, grid)
     facets = _subdivided(part.surface, part.diagonal)
     regions = tuple(_seen(facets, action) for action in (*case.supports, *case.loads))
-    net = map_structure(cell, grid.nodes, plan.radius_mm)
+    net = map_structure(cell, grid.positions, plan.radius_mm)
     trimmed = trim(net, part, skin_mm=case.lattice.skin_mm, in_region=None, least_share=0.0)
     struts = len(trimmed.structure.struts)
     thinnest = thinnest_wall(part.surface, query=part.signed_distance)
@@ -157,7 +160,7 @@ def draw_look(seen: Look, png: Path) -> str | None:
         OutputError: the file cannot be written.
     """
     marks = tuple(mark_of(r.action, r.patch, r.label, r.resultant) for r in seen.regions)
-    scene = PlannedPart(part=seen.part.surface, marks=marks, grid=seen.grid.nodes)
+    scene = PlannedPart(part=seen.part.surface, marks=marks, grid=seen.grid.positions)
     with tempfile.TemporaryDirectory(prefix="texmap-look-") as folder:
         drawn = draw({"look": scene}, Path(folder), timeout_s=PICTURE_TIMEOUT_S)
         if "look" in drawn.missing:
@@ -229,7 +232,7 @@ def _subdivided(surface: TriMesh, diagonal: float) -> TriMesh:
     return TriMesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 
-def _cost(case: DesignCase, part: Part, grid: HexGrid, struts: int) -> tuple[int, float, float]:
+def _cost(case: DesignCase, part: Part, grid: Grid, struts: int) -> tuple[int, float, float]:
     """Triangles of the result, seconds and memory [MB] of a run: fits to runs of `studies/`."""
     edge = case.analysis.edge_mm or default_edge_mm(part)
     tets = estimated_counts(part, edge_mm=edge, element=case.analysis.element)

@@ -8,11 +8,14 @@ from texmap_opt.cache import StageCache, stage_key
 from texmap_opt.case import DesignCase
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.combine.part_with_lattice import plate_result, rod_result
+from texmap_opt.endless_lattice import EndlessLattice, endless_lattice
 from texmap_opt.errors import TexmapError
 from texmap_opt.export.solid_file import Solid
 from texmap_opt.filling import fill
+from texmap_opt.given_drivers import given_drivers
 from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import read_part
+from texmap_opt.part_box import part_box
 from texmap_opt.progress import Progress, Silent
 from texmap_opt.report.numbers import report_numbers
 from texmap_opt.run_result import Run
@@ -22,6 +25,7 @@ from texmap_opt.stress_field import StressField, solid_solution, stress_field
 from texmap_opt.tet_source import part_tets
 from texmap_opt.trimmed_lattice import trimmed_lattice
 from texmap_opt.warp.warped_grid import WarpedGrid, warped_grid
+from texmap_opt.warp_inputs import WarpInputs, warp_inputs
 
 # Share of the strut length in dropped pieces that the user is told of.
 NOTABLE_SHARE = 0.05
@@ -57,7 +61,8 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         part = read_part(case.part, case.directory)
         for note in part.notes:
             progress.warn(f"{part.name}: {note}")
-        plan = plan_grid(case, part.bounds, cell)
+        plan = plan_grid(case, part_box(case, part.surface), cell)
+        given = given_drivers(case, plan.grid)
         progress.detail(f"{len(part.surface.faces):,} triangles, {part.volume:,.0f} mm³")
     with progress.stage("tets"):
         mesh = part_tets(case, part, cache, solve=partial(solid_solution, case))
@@ -68,18 +73,9 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         stress = StressField.from_arrays(mesh, stored) if stored else stress_field(case, mesh)
         cache.put_new(stress_of, stored, stress.to_arrays)
         progress.detail(f"largest displacement {stress.max_displacement:.3g} mm")
-    warp_of = stage_key("warp", stress_of, plan.grid.nodes, case.warp)
-    with progress.stage("warp"):
-        stored = cache.get(warp_of)
-        warp = (
-            WarpedGrid.from_arrays(stored)
-            if stored
-            else warped_grid(case.warp, mesh, stress.stress, plan.grid)
-        )
-        cache.put_new(warp_of, stored, warp.to_arrays)
-        progress.detail(f"{warp.method}, {warp.grid.cell_count:,} cells")
-        if not warp.converged:
-            progress.warn(f"warp: {warp.message}")
+    lattice = endless_lattice(case, plan, cell)
+    inputs = warp_inputs(case, part, stress, plan.grid, lattice, given)
+    warp = _warped(inputs, lattice, progress, cache)
     with progress.stage("structure"):
         trimmed = trimmed_lattice(case, part, stress, cell, warp.grid, radius_mm=plan.radius_mm)
         progress.detail(f"{len(trimmed.structure.struts):,} struts")
@@ -106,3 +102,17 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
     )
     run.report.update(report_numbers(run, progress, snapped_mm=snapped_mm))
     return run
+
+
+def _warped(
+    inputs: WarpInputs, lattice: EndlessLattice | None, progress: Progress, cache: StageCache
+) -> WarpedGrid:
+    warp_of = stage_key("warp", inputs)
+    with progress.stage("warp"):
+        stored = cache.get(warp_of)
+        warp = WarpedGrid.from_arrays(stored) if stored else warped_grid(inputs)
+        cache.put_new(warp_of, stored, warp.to_arrays)
+        progress.detail(f"{warp.method}, {warp.grid.cell_count:,} cells")
+        if not warp.converged:
+            progress.warn(f"warp: {warp.message}")
+        return warp.with_energies(lattice)

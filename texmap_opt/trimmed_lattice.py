@@ -10,7 +10,7 @@ from texmap_opt.region_reach import RegionReach
 from texmap_opt.stress_field import StressField
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.trim import Trimmed, trim
-from texmap_opt.warp.hex_grid import HexGrid
+from texmap_opt.warp.grid import Grid
 
 
 def trimmed_lattice(
@@ -18,7 +18,7 @@ def trimmed_lattice(
     part: Part,
     stress: StressField,
     cell: UnitCell,
-    grid: HexGrid,
+    grid: Grid,
     *,
     radius_mm: float,
 ) -> Trimmed:
@@ -37,7 +37,7 @@ def trimmed_lattice(
     """
     lattice = case.lattice
     net = map_structure(
-        cell, grid.nodes, radius_mm, radius_mode=lattice.radius_mode, section=lattice.section
+        cell, grid.positions, radius_mm, radius_mode=lattice.radius_mode, section=lattice.section
     )
     thickest = float(net.radii.max())
     regions = [action.region for action in (*case.supports, *case.loads) if action.region]

@@ -29,12 +29,14 @@ from texmap_opt.solid.validity import validity
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.trim import trim
-from texmap_opt.warp.hex_grid import HexGrid
+from texmap_opt.warp.box import Box
+from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
 from texmap_opt.warp.quality import quality
 from texmap_opt.warp.successive_approximation import SuccessiveApproximation
 from texmap_opt.warp.warp import AbstractWarp
-from texmap_opt.warping_function.warping_function import SizeLaw, WarpingFunction
+from texmap_opt.warping_function.size_law import SizeLaw
+from texmap_opt.warping_function.warping_function import WarpingFunction
 
 UNKNOWN = "not stated here"
 # Of the statue that the paper used; the one drawn here is another scan of the same kind.
@@ -127,10 +129,10 @@ def ring(centre: tuple[float, ...], radius: float, width: float, peak: float) ->
     return f
 
 
-def warped(grid: HexGrid, f: Field, warp: AbstractWarp, contrast: float) -> tuple[HexGrid, str]:
+def warped(grid: Grid, f: Field, warp: AbstractWarp, contrast: float) -> tuple[Grid, str]:
     """The grid warped under f, and what to remark on it."""
     spacing = float(grid.uniform_edge.min()) / 2
-    painted = WarpingFunction.painted(
+    painted = WarpingFunction.from_formula(
         f, grid.box, spacing_mm=spacing, law=SizeLaw(contrast=contrast)
     )
     result = warp.fit(grid, painted)
@@ -139,17 +141,23 @@ def warped(grid: HexGrid, f: Field, warp: AbstractWarp, contrast: float) -> tupl
     return result.grid, remark if result.converged else f"{remark}; {result.message}"
 
 
+def slab(grid: Grid) -> np.ndarray:
+    """Nodes of the hexahedra that the cells of a grid in the plane are when extruded [mm]."""
+    half = np.ptp(grid.box.bounds[:, 2]) / 2 * grid.box.axes[2]
+    return np.stack([grid.positions - half, grid.positions + half], axis=2)
+
+
 def figure_7(sheet: Sheet) -> None:
     """A grid warped under a painted f, by the paper's iteration and by least squares."""
     box = np.array([[0.0, 0, 0], [100, 100, 5]])
-    grid = HexGrid.uniform(box, (20, 20, 1))
+    grid = Grid.uniform(Box.aligned(box, extrusion="z"), (20, 20))
     for name, f in (("spot", spot((35, 60, 2.5), 14, 6)), ("ring", ring((50, 50), 28, 8, 5))):
         for warp in (SuccessiveApproximation(), LeastSquares()):
             moved, remark = warped(grid, f, warp, contrast=4.0)
-            size = cell_sizes(moved.nodes)
-            scene = WarpedGrid(moved.nodes, size, np.ones(size.shape, bool), box_surface(box))
+            size = cell_sizes(slab(moved))
+            scene = WarpedGrid(slab(moved), size, np.ones(size.shape, bool), box_surface(box))
             method = type(warp).__name__
-            row = Row("7", f"grid under a painted {name}, {method}", "20 x 20 x 1", remark=remark)
+            row = Row("7", f"grid under a painted {name}, {method}", "20 x 20", remark=remark)
             sheet.add(f"figure-07-{name}-{method}", scene, row)
 
 
@@ -157,10 +165,13 @@ def figure_8(sheet: Sheet) -> None:
     """Structures of several unit cells in one warped grid."""
     box = np.array([[0.0, 0, 0], [50, 50, 50]])
     grid, remark = warped(
-        HexGrid.uniform(box, (8, 8, 8)), spot((50, 0, 50), 16, 5), LeastSquares(), contrast=2.2
+        Grid.uniform(Box.aligned(box), (8, 8, 8)),
+        spot((50, 0, 50), 16, 5),
+        LeastSquares(),
+        contrast=2.2,
     )
     for name in ("cube", "octahedron", "octet", "vector"):
-        net = map_structure(unit_cell(name), grid.nodes, 0.4)
+        net = map_structure(unit_cell(name), grid.positions, 0.4)
         row = Row(
             "8", f"{name} cells under a painted f", "8 x 8 x 8", len(net.struts), remark=remark
         )
@@ -210,9 +221,10 @@ def fill(sheet: Sheet, part: Part, how: Filling, f: Field) -> None:
     extent = part.bounds[1] - part.bounds[0]
     x, y, z = (max(2, round(float(length) / how.cell_mm)) for length in extent)
     tolerance = 0.002 * float(np.linalg.norm(extent))
-    around = HexGrid.around(part.bounds, (x, y, z), margin_cells=1, radius_mm=how.radius_mm)
+    box = Box.aligned(part.bounds)
+    around = Grid.around(box, (x, y, z), margin_cells=1, radius_mm=how.radius_mm)
     grid, remark = warped(around, f, LeastSquares(), contrast=2.5)
-    net = map_structure(unit_cell("octet"), grid.nodes, how.radius_mm)
+    net = map_structure(unit_cell("octet"), grid.positions, how.radius_mm)
     inside = trim(net, part, skin_mm=how.skin_mm).structure
     lattice = lattice_solid(inside, tolerance_mm=tolerance)
     for kind, combine in (("rod", rod_result), ("plate", plate_result)):

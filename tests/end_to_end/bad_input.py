@@ -15,8 +15,14 @@ from pathlib import Path
 import numpy as np
 from sound_case import BOX, CASE, FACES, write_stl
 
+# A painted region.
+SPHERE = """[[paint]]
+region = { sphere = { center = [20, 10, 10], radius = 5 } }
+value = 2"""
+# The sound case from the number of cells to the method.
+FROM_CELLS = CASE[CASE.index("cell_mm") : CASE.index("[output]")]
 # What the faults themselves put into the folder.
-INPUTS = {"case.toml", "box.stl", "small.stl"}
+INPUTS = {"case.toml", "box.stl", "small.stl", "field.csv"}
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,27 @@ def _nan() -> Callable[[Path], object]:
     spoilt = BOX.copy()
     spoilt[0, 0] = np.nan
     return _box(spoilt)
+
+
+def _importing(field: str, file: str = "field.csv", more: str = "") -> tuple[str, str]:
+    warp = f'"least-squares"\ndriver = ["file"]\n{more}'
+    return '"uniform"', f'{warp}\n[imported]\nfile = "{file}"\nfield = "{field}"'
+
+
+def _results(
+    f: Callable[[np.ndarray], np.ndarray] = lambda points: 1 + points[:, 0], scale: float = 1.0
+) -> Callable[[Path], object]:
+    """The sound box, and a table of values f all over it whose coordinates are scaled."""
+    axes = [np.linspace(0, length, n) for length, n in zip((40, 20, 20), (9, 5, 5), strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    with np.errstate(invalid="ignore"):
+        table = np.column_stack([scale * points, f(points)])
+
+    def write(path: Path) -> None:
+        write_stl(path, BOX, FACES)
+        np.savetxt(path.with_name("field.csv"), table, delimiter=",", header="x,y,z,v", comments="")
+
+    return write
 
 
 BAD_INPUTS = (
@@ -94,9 +121,28 @@ BAD_INPUTS = (
     BadInput("sizing of holes", ("radius_mm = 0.8", "radius_mm = 0.8\nkind = \"plate\"\n[sizing]\nmethod = \"mma\""), says=("plate", "none")),
     BadInput("not TOML", ("[lattice]", "[lattice"), says=("TOML",)),
     BadInput("volume out of reach", ("[output]", "[sizing]\nvolume_fraction = 0.3\nmax_radius_mm = 0.9\n[output]"), code=1, says=("reach",)),
-    BadInput(
-        "alignment, which comes later", ('"uniform"', '"uniform"\nalignment = 1.0'), says=("alignment",)
-    ),
+    BadInput("contrast below 1", ('"uniform"', '"uniform"\ncontrast = 0.5'), says=("contrast = 0.5", "at least 1")),
+    BadInput("one cell along an axis to warp", (FROM_CELLS, FROM_CELLS.replace("cell_mm = 10.0", "cells = [4, 2, 1]").replace('"uniform"', '"least-squares"\nmargin_cells = 0')), says=("least-squares", "4 x 2 x 1", "along z", "uniform")),
+    BadInput("driver that is not there", ('"uniform"', '"uniform"\ndriver = ["von-mises", "tresca"]'), says=("driver", "tresca", "not known")),
+    BadInput("paint without a region", ('"uniform"', '"uniform"\ndriver = ["paint"]'), says=('driver = ["paint"]', "[[paint]]")),
+    BadInput("painted region that drives nothing", ('"uniform"', '"uniform"\n' + SPHERE), says=("[[paint]]", "drives nothing", '"von-mises"')),
+    BadInput("painted region outside the box", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("20, 10, 10", "90, 10, 10")), says=("[[paint]] 1", "sphere", "outside", "margin")),
+    BadInput("painted factor of zero", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("value = 2", "value = 0")), says=("[[paint]] 1", "value = 0", "above 0")),
+    BadInput("painted part of the surface", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("{ sphere = { center = [20, 10, 10], radius = 5 } }", "{ normal = [1, 0, 0] }")), says=("[[paint]] 1", "normal", "surface")),
+    BadInput("anisotropy without a tensor", ('"uniform"', '"least-squares"\nalignment = 10\ndriver = ["paint"]\n' + SPHERE), says=("alignment = 10", "tensor", '"paint"')),
+    BadInput("weights for other drivers", ('"uniform"', '"uniform"\ndriver_weights = [1, 2]'), says=("driver_weights", "2 for 1")),
+    BadInput("weight of an unknown load case", ('"uniform"', '"uniform"\ncase_weights = { lead = 2 }'), says=("case_weights lead", '"load"')),
+    BadInput("all load cases left out", ('"uniform"', '"uniform"\ncase_weights = { load = 0 }'), says=("case_weights", "nothing drives")),
+    BadInput("axes that are not at right angles", ('"uniform"', '"uniform"\naxes = [[1, 0, 0], [1, 1, 0], [0, 0, 1]]'), says=("axes", "right angles")),
+    BadInput("left-handed axes", ('"uniform"', '"uniform"\naxes = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]'), says=("axes", "left-handed")),
+    BadInput("imported result without its table", ('"uniform"', '"uniform"\ndriver = ["file"]'), says=("[imported]",)),
+    BadInput("imported result that is not there", _importing("v", "filed.csv"), says=("[imported]", "filed.csv")),
+    BadInput("imported field that is not there", _importing("mises"), part=_results(), says=("[imported]", "mises", '"v"')),
+    BadInput("imported field that is not positive", _importing("v"), part=_results(lambda p: p[:, 0] - 1), says=("[imported]", "not positive")),
+    BadInput("imported field with NaN", _importing("v"), part=_results(lambda p: np.sqrt(p[:, 0] - 1)), says=("[imported]", "not a finite number")),
+    BadInput("imported results in another unit", _importing("v"), part=_results(scale=0.1), says=("[imported]", "does not cover the part", '"cm"')),
+    BadInput("anisotropy with an imported scalar", _importing("v", more="alignment = 10"), part=_results(), says=("alignment = 10", "tensor", "scalar")),
+    BadInput("warp that does not come to rest", (FROM_CELLS, FROM_CELLS.replace("skin_mm = 1.0", 'skin_mm = 0\nkind = "plate"').replace('"uniform"', '"successive-approximation"\nmax_sweeps = 3')), code=0, says=("3 sweeps", "still moving")),
 )  # fmt: skip
 
 

@@ -1,13 +1,16 @@
 """Surfaces and tet meshes survive their files; other files are refused in one sentence."""
 
 import struct
+import sys
 
 import numpy as np
 import pytest
+import pyvista
+from vtkmodules.vtkIOLegacy import vtkUnstructuredGridWriter
 
 from fea import FeaError, TetMesh
 from fea.ftetwild import enclosed_volume
-from fea.mesh_files import read_surface, read_tets, write_tets
+from fea.mesh_files import read_results, read_surface, read_tets, write_tets
 
 BOX = TetMesh.box((3.0, 2.0, 1.0), (2, 2, 1))
 
@@ -183,3 +186,130 @@ def test_impossible_writing_is_refused(tmp_path):
         write_tets(tmp_path / "box.vtu", BOX, node_values={"u": np.zeros((1, 3))})
     with pytest.raises(FeaError, match="cannot be written"):
         write_tets(tmp_path / "none" / "box.vtu", BOX)
+
+
+def results(kind):
+    """A box of hexahedra or tetrahedra with all kinds of values, as PyVista holds it."""
+    x, y, z = np.meshgrid(*(np.arange(n) for n in (4.0, 3.0, 2.0)), indexing="ij")
+    mesh = pyvista.StructuredGrid(x, y, z).cast_to_unstructured_grid()
+    mesh = mesh if kind == "hexahedron" else mesh.triangulate()
+    random = np.random.default_rng(0)
+    mesh.point_data["S_Mises"] = random.random(mesh.n_points)
+    mesh.point_data["S"] = random.random((mesh.n_points, 6))
+    mesh.cell_data["T"] = random.random((mesh.n_cells, 9))
+    mesh.cell_data["region"] = np.arange(mesh.n_cells)
+    mesh.cell_data["small"] = np.arange(mesh.n_cells, dtype=np.int32)
+    return mesh
+
+
+@pytest.mark.parametrize("kind", ["hexahedron", "tetra"])
+@pytest.mark.parametrize("binary", [True, False], ids=["binary", "ascii"])
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk"])
+def test_results_that_pyvista_writes_are_read(tmp_path, kind, binary, suffix):
+    mesh, path = results(kind), tmp_path / f"results{suffix}"
+    mesh.save(path, binary=binary)
+    found = read_results(path)
+    assert [(name, len(cells)) for name, cells in found.cells] == [(kind, mesh.n_cells)]
+    np.testing.assert_allclose(found.points, mesh.points)
+    # ASCII files round to what a reader needs for single precision, about 1e-6.
+    for name, values in mesh.point_data.items():
+        np.testing.assert_allclose(found.point_data[name].squeeze(), values, rtol=1e-5)
+    for name, values in mesh.cell_data.items():
+        np.testing.assert_allclose(found.cell_data[name].squeeze(), values, rtol=1e-5)
+    np.testing.assert_allclose(found.cell_volumes.sum(), 6)
+
+
+@pytest.mark.parametrize("binary", [True, False], ids=["binary", "ascii"])
+def test_legacy_results_of_the_older_version_are_read(tmp_path, binary):
+    mesh, path = results("tetra"), tmp_path / "results.vtk"
+    writer = vtkUnstructuredGridWriter()
+    writer.SetFileVersion(writer.VTK_LEGACY_READER_VERSION_4_2)
+    writer.SetFileType(2 if binary else 1)
+    writer.SetFileName(str(path))
+    writer.SetInputData(mesh)
+    writer.Write()
+    found = read_results(path)
+    assert path.read_bytes().startswith(b"# vtk DataFile Version 4.2")
+    for name, values in {**mesh.point_data, **mesh.cell_data}.items():
+        read = {**found.point_data, **found.cell_data}[name]
+        np.testing.assert_allclose(read.squeeze(), values, rtol=1e-5)
+
+
+def test_legacy_grids_without_cells_of_their_own_are_refused(tmp_path):
+    pyvista.ImageData(dimensions=(4, 3, 2)).save(tmp_path / "grid.vtk")
+    with pytest.raises(FeaError, match="is a STRUCTURED_POINTS, not an UNSTRUCTURED_GRID"):
+        read_results(tmp_path / "grid.vtk")
+
+
+@pytest.mark.parametrize("compression", ["zlib", "lzma", None])
+def test_compressed_results_are_read(tmp_path, compression):
+    mesh, path = results("tetra"), tmp_path / "results.vtu"
+    mesh.save(path, compression=compression)
+    np.testing.assert_array_equal(read_results(path).point_data["S"], mesh.point_data["S"])
+
+
+def test_results_of_gmsh_are_read(tmp_path):
+    """Gmsh 2.2 ASCII: a view at the nodes; the triangle of the boundary counts nothing."""
+    path = tmp_path / "one.msh"
+    path.write_text(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n"
+        "$EndNodes\n$Elements\n2\n1 2 2 1 1 1 2 3\n2 4 2 1 1 1 2 3 4\n$EndElements\n$NodeData\n1\n"
+        '"S_Mises"\n1\n0.0\n3\n0\n1\n4\n1 1.5\n2 2.5\n3 3.5\n4 4.5\n$EndNodeData\n'
+    )
+    found = read_results(path)
+    np.testing.assert_allclose(found.point_data["S_Mises"].squeeze(), [1.5, 2.5, 3.5, 4.5])
+    np.testing.assert_allclose(found.cell_volumes, [0, 1 / 6])
+
+
+XDMF = """<?xml version="1.0"?><Xdmf Version="3.0"><Domain><Grid Name="Grid">
+<Geometry GeometryType="XYZ"><DataItem DataType="Float" Dimensions="4 3" Format="XML" Precision="8">
+0 0 0 1 0 0 0 1 0 0 0 1</DataItem></Geometry>
+<Topology TopologyType="Tetrahedron" NumberOfElements="1">
+<DataItem DataType="Int" Dimensions="1 4" Format="XML" Precision="8">0 1 2 3</DataItem></Topology>
+<Attribute Name="S_Mises" AttributeType="Scalar" Center="Node">
+<DataItem DataType="Float" Dimensions="4" Format="XML" Precision="8">1 2 3 4</DataItem></Attribute>
+<Attribute Name="S" AttributeType="Tensor6" Center="Cell">
+<DataItem DataType="Float" Dimensions="1 6" Format="XML" Precision="8">1 2 3 4 5 6</DataItem>
+</Attribute></Grid></Domain></Xdmf>"""
+
+
+def test_results_of_xdmf_are_read(tmp_path):
+    path = tmp_path / "results.xdmf"
+    path.write_text(XDMF)
+    found = read_results(path)
+    np.testing.assert_array_equal(found.point_data["S_Mises"].squeeze(), [1, 2, 3, 4])
+    np.testing.assert_array_equal(found.cell_data["S"], [[1, 2, 3, 4, 5, 6]])
+
+
+def test_xdmf_with_hdf5_asks_for_the_package_where_it_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)  # an import of it then fails
+    path = tmp_path / "results.xdmf"
+    heavy = XDMF.replace('Format="XML" Precision="8">1 2 3 4<', 'Format="HDF">r.h5:/s<')
+    path.write_text(heavy)
+    with pytest.raises(FeaError, match="HDF5 file, which takes the package h5py"):
+        read_results(path)
+
+
+def test_cells_that_would_be_lost_are_refused(tmp_path, capfd):
+    """Voxels, VTK's type 11: meshio leaves them out with a warning on the terminal."""
+    mesh = pyvista.ImageData(dimensions=(3, 3, 3)).cast_to_unstructured_grid()
+    path = tmp_path / "voxels.vtu"
+    mesh.save(path)
+    with pytest.raises(FeaError, match=r"cannot handle \(type 11\).*divide its cells"):
+        read_results(path)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk"])
+def test_results_that_break_off_are_refused(tmp_path, suffix):
+    path = tmp_path / f"results{suffix}"
+    results("tetra").save(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FeaError, match="cannot be read as a result"):
+        read_results(path)
+
+
+def test_results_in_formats_of_other_programs_are_refused(tmp_path):
+    with pytest.raises(FeaError, match=r"a result is read from .vtu, .vtk, .msh, .xdmf"):
+        read_results(tmp_path / "results.odb")

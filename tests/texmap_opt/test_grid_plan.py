@@ -1,29 +1,35 @@
-"""How many cells a case asks for, and the radius that a density stands for."""
+"""The box around a part, how many cells a case asks for, and the radius that a density stands for."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from sound_case import case_of
+from scipy.spatial.transform import Rotation
+from sound_case import BOX as CORNERS
+from sound_case import FACES, case_of
 
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.errors import CaseError
 from texmap_opt.grid_plan import plan_grid
+from texmap_opt.part_box import part_box, principal_axes_of_solid
+from texmap_opt.solid.tri_mesh import TriMesh
+from texmap_opt.warp.box import Box
 
-BOUNDS = np.array([[0.0, 0.0, 0.0], [40.0, 20.0, 20.0]])
+MIDDLE = np.array([7.0, -3.0, 11.0])
+BOX = Box.aligned(np.array([[0.0, 0.0, 0.0], [40.0, 20.0, 20.0]]))
 
 
 def test_cells_cover_the_part_and_the_margin_surrounds_it(tmp_path: Path):
-    plan = plan_grid(case_of(tmp_path), BOUNDS, unit_cell("bcc"))
+    plan = plan_grid(case_of(tmp_path), BOX, unit_cell("bcc"))
     assert plan.grid.cells == (6, 4, 4)
-    np.testing.assert_allclose(plan.grid.box, [[-10, -10, -10], [50, 30, 30]])
+    np.testing.assert_allclose(plan.grid.box.bounds, [[-10, -10, -10], [50, 30, 30]])
     assert plan.radius_mm == 0.8
 
 
 def test_without_margin_the_box_shrinks_by_the_radius(tmp_path: Path):
     case = case_of(tmp_path, ('"uniform"', '"uniform"\nmargin_cells = 0'))
-    plan = plan_grid(case, BOUNDS, unit_cell("bcc"))
-    np.testing.assert_allclose(plan.grid.box, [[0.8, 0.8, 0.8], [39.2, 19.2, 19.2]])
+    plan = plan_grid(case, BOX, unit_cell("bcc"))
+    np.testing.assert_allclose(plan.grid.box.bounds, [[0.8, 0.8, 0.8], [39.2, 19.2, 19.2]])
 
 
 @pytest.mark.parametrize(
@@ -40,11 +46,101 @@ def test_a_density_is_the_radius_of_the_centre_line_formula(
 ):
     """Rho = pi r² L / a³ with L the strut length of one cell of an endless lattice, edge a = 10."""
     case = case_of(tmp_path, ("radius_mm = 0.8", "relative_density = 0.1"))
-    plan = plan_grid(case, BOUNDS, unit_cell(cell))
+    plan = plan_grid(case, BOX, unit_cell(cell))
     assert np.pi * plan.radius_mm**2 * length * 10 / 1000 == pytest.approx(0.1, rel=1e-9)
 
 
 def test_more_cells_than_a_machine_holds_are_refused(tmp_path: Path):
     case = case_of(tmp_path, ("cell_mm = 10.0", "cells = [400, 200, 200]"))
     with pytest.raises(CaseError, match="larger cells"):
-        plan_grid(case, BOUNDS, unit_cell("bcc"))
+        plan_grid(case, BOX, unit_cell("bcc"))
+
+
+def test_a_warp_needs_two_cells_along_every_axis(tmp_path: Path):
+    flat = ("cell_mm = 10.0", "cells = [4, 2, 1]")
+    one = case_of(tmp_path, flat, ('"uniform"', '"least-squares"\nmargin_cells = 0'))
+    with pytest.raises(CaseError, match="nothing to move along z"):
+        plan_grid(one, BOX, unit_cell("bcc"))
+    margin = case_of(tmp_path, flat, ('"uniform"', '"least-squares"'))
+    assert plan_grid(margin, BOX, unit_cell("bcc")).grid.cells == (6, 4, 3)
+    uniform = case_of(tmp_path, flat, ('"uniform"', '"uniform"\nmargin_cells = 0'))
+    assert plan_grid(uniform, BOX, unit_cell("bcc")).grid.cells == (4, 2, 1)
+
+
+def test_nodes_of_fixed_faces_may_not_move(tmp_path: Path):
+    case = case_of(tmp_path, ('"uniform"', '"uniform"\nfixed_faces = ["-y", "+z"]'))
+    free = plan_grid(case, BOX, unit_cell("bcc")).grid.free
+    assert not free[:, :, 0].any()
+    assert not free[:, :, :, -1].any()
+    # Sliding in the face x = low: everything but along x, away from the fixed faces.
+    assert not free[0, 0].any()
+    assert free[1:, 0, 1:-1, 1:-1].all()
+
+
+def brick(extent: tuple[float, float, float], turn: Rotation) -> TriMesh:
+    """A turned cuboid with its middle at `MIDDLE`."""
+    corners = (CORNERS / [40, 20, 20] - 0.5) * extent
+    return TriMesh(turn.apply(corners) + MIDDLE, FACES)
+
+
+def test_principal_axes_are_those_of_a_turned_brick():
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.4])
+    axes = principal_axes_of_solid(brick((40, 20, 10), turn))
+    # Unit vectors up to sign, the longest edge first.
+    np.testing.assert_allclose(np.abs(axes @ turn.as_matrix()), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(axes), 1)
+
+
+def test_principal_axes_do_not_depend_on_how_a_surface_is_divided():
+    """Triangles cut finely on one end only: a mean over vertices would shift and turn."""
+    whole = brick((40, 20, 10), Rotation.from_rotvec([0.2, 0.1, 0.3]))
+    corners = whole.vertices[whole.faces]
+    for _ in range(3):
+        cut, rest = corners[:4], corners[4:]
+        a, b, c = np.moveaxis(cut, 1, 0)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        corners = np.concatenate([*(np.stack(part, axis=1) for part in parts), rest])
+    fine = TriMesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    np.testing.assert_allclose(
+        principal_axes_of_solid(fine), principal_axes_of_solid(whole), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("extent", [(40, 20, 20), (20, 20, 20), (20, 20, 5), (200, 10, 10)])
+def test_equal_moments_leave_the_axes_along_x_y_z(extent: tuple[float, float, float]):
+    axes = principal_axes_of_solid(brick(extent, Rotation.identity()))
+    np.testing.assert_allclose(np.abs(axes).max(axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(axes), 1)
+
+
+def test_a_slender_part_has_the_axes_of_its_own_section():
+    """Its second and third moments differ by a fifth, by 5e-4 of the first."""
+    turn = Rotation.from_rotvec([0.6, 0, 0])
+    axes = principal_axes_of_solid(brick((200, 11, 10), turn))
+    np.testing.assert_allclose(np.abs(axes @ turn.as_matrix()), np.eye(3), atol=1e-9)
+
+
+def test_a_beam_turned_about_z_keeps_one_axis_along_z():
+    """Square section: the axes across the beam are free, and one of them is chosen along z."""
+    axes = principal_axes_of_solid(brick((40, 10, 10), Rotation.from_rotvec([0, 0, 0.5])))
+    along = [np.cos(0.5), np.sin(0.5), 0]
+    np.testing.assert_allclose(axes[0], along, atol=1e-12)
+    np.testing.assert_allclose(np.abs(axes[:, 2]).max(), 1, atol=1e-12)
+
+
+def test_the_box_of_given_axes_is_the_smallest_that_holds_the_part(tmp_path: Path):
+    given = '"uniform"\naxes = [[3, 4, 0], [-4, 3, 0], [0, 0, 2]]'
+    surface = TriMesh(np.concatenate([CORNERS, [[900, 900, 900]]]), FACES)  # one vertex unused
+    box = part_box(case_of(tmp_path, ('"uniform"', given)), surface)
+    np.testing.assert_allclose(box.axes, [[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(box.bounds, [[0, -32, 0], [40, 12, 20]], atol=1e-12)
+
+
+def test_cells_are_counted_along_the_axes_of_the_box(tmp_path: Path):
+    turned = brick((40, 20, 10), Rotation.from_rotvec([0, 0, 0.4]))
+    case = case_of(tmp_path, ('"uniform"', '"uniform"\naxes = "principal"\nmargin_cells = 0'))
+    grid = plan_grid(case, part_box(case, turned), unit_cell("bcc")).grid
+    assert grid.cells == (4, 2, 1)
+    np.testing.assert_allclose(grid.uniform_edge, [38.4 / 4, 18.4 / 2, 8.4])
+    np.testing.assert_allclose(grid.positions.reshape(-1, 3).mean(axis=0), MIDDLE)

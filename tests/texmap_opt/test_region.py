@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import KDTree
 
 from texmap_opt.errors import CaseError
-from texmap_opt.region import (
-    REGION_KEYS,
-    AbstractRegion,
-    Box,
-    Cylinder,
-    Normal,
-    Plane,
-    Sphere,
-    region_from_table,
-)
+from texmap_opt.region import AbstractRegion, Box, Cylinder, Normal, Plane, Sphere
+from texmap_opt.region_table import REGION_KEYS, region_from_table
 
 WHERE = "case.toml: [[load]] 2 region"
 POINTS = np.random.default_rng(0).uniform(-2, 2, (500, 3))
@@ -218,3 +211,42 @@ def test_more_slack_never_takes_a_point_away(a, b, radius):
         less = region.contains(POINTS, None, slack=low)
         more = region.contains(POINTS, None, slack=high)
         assert (less <= more).all()
+
+
+SOLIDS = [
+    Box(np.array([-1.0, -0.5, 0]), np.array([1.0, 0.7, 1.5])),
+    Sphere(np.array([0.3, -0.2, 0.1]), 0.9),
+    Cylinder(np.array([-0.5, 0, -1.0]), np.array([0.8, 0.4, 0.9]), 0.6),
+    Plane(np.array([0.1, 0, 0]), np.array([0.6, 0.0, 0.8]), 0.3),
+]
+
+
+@pytest.mark.parametrize("region", SOLIDS, ids=lambda region: type(region).__name__)
+def test_the_distance_is_that_to_the_nearest_point_of_the_boundary(region):
+    """Against a cloud of points: outside to those in the region, inside to those out of it."""
+    cloud = np.random.default_rng(1).uniform(-2.5, 2.5, (200_000, 3))
+    inside = region.contains(cloud, None, slack=0.0)
+    distance = region.distance(POINTS)
+    np.testing.assert_array_equal(distance <= 0, region.contains(POINTS, None, slack=0.0))
+    near = np.where(
+        distance > 0,
+        KDTree(cloud[inside]).query(POINTS)[0],
+        -KDTree(cloud[~inside]).query(POINTS)[0],
+    )
+    # A point of the cloud is found a little beyond the boundary: the cloud has one in 0.086³ mm³.
+    found = np.abs(near) - np.abs(distance)
+    assert found.min() > -1e-12 and found.max() < 0.15
+
+
+def test_the_distance_to_a_closed_surface_and_to_an_intersection(tmp_path):
+    (tmp_path / "t.stl").write_text(STL_TETRAHEDRON)
+    points = np.array([[0.1, 0.2, 0.2], [-1, 0.1, 0.1], [0, 0, 3]])
+    distance = read({"stl": "t.stl"}, tmp_path).distance(points)
+    np.testing.assert_allclose(distance, [-0.1, 1, 2], rtol=1e-6)
+    both = read({"stl": "t.stl", "plane": {"point": [0, 0, 2], "normal": [0, 0, 1]}}, tmp_path)
+    np.testing.assert_allclose(both.distance(points), [1.799, 1.899, 2], rtol=1e-6)
+
+
+def test_a_region_of_the_surface_has_no_distance():
+    with pytest.raises(CaseError, match=r"the surface facing .* has no inside; give a box"):
+        Normal(np.array([0.0, 0, 1])).distance(POINTS)

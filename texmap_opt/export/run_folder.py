@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from texmap_opt.errors import OutputError
 from texmap_opt.export.beam_lattice import write_beam_lattice
 from texmap_opt.export.vtk import write_grid, write_stress, write_struts
@@ -17,12 +15,12 @@ from texmap_opt.progress import Progress
 from texmap_opt.report.drawing import Drawn, draw
 from texmap_opt.report.numbers import peak_memory_mb
 from texmap_opt.report.page import write_page
-from texmap_opt.report.plots import PlotData
-from texmap_opt.report.run_scenes import run_scenes
-from texmap_opt.report.scenes import cell_sizes
+from texmap_opt.report.run_plots import run_plots
+from texmap_opt.report.run_scenes import hexahedra, mean_edge, run_scenes
 from texmap_opt.run_result import Run
 from texmap_opt.structure.structure_xml import write_structure
 from texmap_opt.warp import certificate
+from texmap_opt.warp.quality import achieved_sizes
 
 # All pictures together; software rendering of a million triangles takes a tenth of it [s].
 PICTURES_TIMEOUT_S = 240.0
@@ -105,7 +103,12 @@ def write_run(run: Run, out: Path, progress: Progress) -> dict:
             folder / "report.html",
             pictures=drawn.pictures,
             missing=drawn.missing,
-            plot_data=_plot_data(run),
+            plot_data=run_plots(
+                run.warp,
+                run.filling.structure,
+                run.part.surface,
+                utilisation=None if run.filling.sized is None else run.filling.sized.utilisation,
+            ),
         )
         shutil.rmtree(folder / PICTURES)
     return report
@@ -171,15 +174,15 @@ def _write_files(run: Run, folder: Path) -> None:
         von_mises=stress.von_mises,
     )
     grid = run.warp.grid
-    wanted = float(np.cbrt(grid.uniform_edge.prod())) * run.warp.wanted_size
+    edge, wanted = mean_edge(grid), run.warp.wanted_size
     jacobian = certificate.grid_coefficients(grid).min(axis=1)
     write_grid(
         folder / "grid.vtu",
-        nodes=grid.nodes,
+        nodes=hexahedra(grid),
         cell_data={
-            "size_mm": cell_sizes(grid.nodes),
-            "wanted_size_mm": wanted.reshape(grid.cells),
-            "min_jacobian": (jacobian / run.warp.wanted_size**3).reshape(grid.cells),
+            "size_mm": (edge * achieved_sizes(grid)).reshape(grid.cells),
+            "wanted_size_mm": (edge * wanted).reshape(grid.cells),
+            "min_jacobian": (jacobian / wanted**grid.dimensions).reshape(grid.cells),
         },
     )
     sized = run.filling.sized
@@ -195,15 +198,3 @@ def _draw(run: Run, folder: Path) -> Drawn:
     if not run.case.output.pictures:
         return Drawn({}, {"all": "the case says [output] pictures = false"})
     return draw(run_scenes(run), folder / PICTURES, timeout_s=PICTURES_TIMEOUT_S)
-
-
-def _plot_data(run: Run) -> PlotData:
-    structure, sized = run.filling.structure, run.filling.sized
-    edge = float(np.cbrt(run.warp.grid.uniform_edge.prod()))
-    return PlotData(
-        radii=structure.radii.mean(axis=1),
-        utilisation=None if sized is None else sized.utilisation,
-        lengths=structure.lengths(),
-        wanted_mm=edge * run.warp.wanted_size,
-        achieved_mm=cell_sizes(run.warp.grid.nodes).ravel(),
-    )

@@ -16,6 +16,7 @@ except ModuleNotFoundError:  # Windows has no such accounting.
 from fea.frame_checks import pieces_of
 from texmap_opt.part_file import open_edges
 from texmap_opt.progress import Progress
+from texmap_opt.report.warp_numbers import warp_numbers
 from texmap_opt.run_result import Run
 
 # g in one tonne, for masses.
@@ -61,7 +62,7 @@ def report_numbers(run: Run, progress: Progress, *, snapped_mm: float) -> dict[s
             "volume_mm3": run.stress.mesh.volume,
         },
         "stress": _stress(run),
-        "warp": _warp(run),
+        "warp": warp_numbers(run.warp),
         "structure": _structure(run),
         "sizing": _sizing(run),
         "skin": _skin(run),
@@ -99,27 +100,6 @@ def _stress(run: Run) -> dict[str, Any]:
         "load_N": stress.load_forces.sum(axis=1).tolist(),
         "residual": stress.residual,
         "estimated_error": stress.estimated_error,
-    }
-
-
-def _warp(run: Run) -> dict[str, Any]:
-    warp, quality = run.warp, run.warp.quality
-    return {
-        "method": warp.method,
-        "nodes": int(np.prod(warp.grid.nodes.shape[:3])),
-        "cells": list(warp.grid.cells),
-        "min_jacobian": quality.min_jacobian,
-        "folded_cells": quality.folded_cells,
-        "max_aspect": quality.max_aspect,
-        "min_edge": quality.min_edge,
-        "mean_angle_deg": quality.mean_angle_deg,
-        "mean_misalignment_deg": quality.mean_misalignment_deg,
-        "size_slope": quality.size_slope,
-        "size_correlation": quality.size_correlation,
-        "wanted_contrast": float(warp.wanted_size.max() / warp.wanted_size.min()),
-        "iterations": warp.iterations,
-        "converged": warp.converged,
-        "message": warp.message,
     }
 
 

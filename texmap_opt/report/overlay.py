@@ -12,6 +12,12 @@ DPI = 100
 
 SECTION_COLOUR = "#e39a4f"
 SECTION_EDGE_COLOUR = "#9a5a1c"
+
+# Too small blue, too large red, good in the middle.
+DIVERGING = "RdBu_r"
+# The least half width of such a scale, as a share of its middle: less than this is no error.
+LEAST_HALF = 0.05
+
 # Width of the rim of a section, in pixels of the rendered picture.
 RIM_PIXELS = 2
 
@@ -64,16 +70,24 @@ class Overlay:
 
 
 def colour_range(
-    values: Float[np.ndarray, " samples"], *, from_zero: bool = False
+    values: Float[np.ndarray, " samples"],
+    *,
+    from_zero: bool = False,
+    middle: float | None = None,
 ) -> tuple[float, float, float | None]:
     """Lowest and highest colour, and the peak where it is cut off.
 
     A few values at a singular corner would leave one colour for the rest: the scale ends at the
-    99.5th percentile when the peak is more than a quarter above it.
+    99.5th percentile when the peak is more than a quarter above it. Around a `middle` both ends are
+    equally far, as the farthest of 99.5 % of the values.
     """
     values = values[np.isfinite(values)]
     if not len(values):
         return 0.0, 1.0, None
+    if middle is not None:
+        half = max(float(np.percentile(np.abs(values - middle), 99.5)), LEAST_HALF * middle)
+        peak = float(values.max())
+        return middle - half, middle + half, peak if peak > middle + 1.25 * half else None
     low = 0.0 if from_zero else float(values.min())
     high, peak = float(np.percentile(values, 99.5)), float(values.max())
     cut = peak > low + 1.25 * (high - low) and high > low

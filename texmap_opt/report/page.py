@@ -9,7 +9,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from texmap_opt.report import plots, tables
+from texmap_opt.report.overlay import colour_range
 from texmap_opt.report.plots import PlotData
 from texmap_opt.report.tables import Row, digits, table
 
@@ -19,6 +22,7 @@ JPEG_QUALITY = 90
 CAPTIONS = {
     "load": "The part under load, coloured by von Mises stress; supports blue, loads red.",
     "grid": "Cells that meet the part, coloured by size; the octant in front is left out.",
+    "size-error": "The same cells by achieved over wanted size: red too large, blue too small.",
     "radius": "Struts coloured by radius.",
     "utilisation": "Struts coloured by utilisation: worst stress in the section over yield.",
     "cut": "The result cut open; the section is orange.",
@@ -234,11 +238,75 @@ def _inputs(report: Report, shown: _Figures) -> str:
 
 
 def _warp(report: Report, shown: _Figures, data: PlotData) -> str:
-    left = [table(_of(report, "warp"), tables.WARP)]
-    if data.wanted_mm is not None and data.achieved_mm is not None and data.wanted_mm.size:
-        svg = plots.size_agreement(data.wanted_mm, data.achieved_mm)
-        left.append(_figure(svg, "Cell size: asked for, and what came out. Dashed: equal."))
-    return _section("Warp", left, [shown.of("grid")])
+    warp = _of(report, "warp")
+    energy, measures = _of(warp, "energy"), _of(warp, "measures")
+    rows = tuple(
+        Row(key, escape(key.replace("_", " ")), tables.quantity("", 3)) for key in measures
+    )
+    turned = energy.get("warped") is not None
+    left = [
+        table(warp, tables.WARP),
+        _together(
+            _titled("Cell sizes", table(warp, tables.WARP_SIZES)),
+            _titled("End of the method", table(measures, rows)),
+        ),
+        _together(
+            _titled("Angles", table(warp, tables.WARP_ANGLES)),
+            _titled(
+                "Strain energy of the cells, over that of cells not turned",
+                table(energy, tables.WARP_ENERGY) if turned else "",
+            ),
+        ),
+    ]
+    figures = [shown.of("grid"), shown.of("size-error")]
+    below = _plots(*_size_plots(data), *_turn_plots(data)) + _layers(data)
+    return _section("Warp", left, figures, below)
+
+
+def _size_plots(data: PlotData) -> list[tuple[str, str]]:
+    if data.wanted_mm is None or data.achieved_mm is None or not data.wanted_mm.size:
+        return []
+    sizes = data.wanted_mm, data.achieved_mm
+    return [
+        (
+            plots.size_agreement(*sizes),
+            "Cell size: asked for, and what came out. Dashed: equal; solid: the fit.",
+        ),
+        (plots.size_ratios(*sizes), "Size that came out over the one asked for; dashed: equal."),
+    ]
+
+
+def _turn_plots(data: PlotData) -> list[tuple[str, str]]:
+    if data.turns_deg is None or data.turn_weights is None or not data.turn_weights.any():
+        return []
+    if data.unturned_deg is None or data.unturned_weights is None:
+        return []
+    svg = plots.turns(
+        (data.turns_deg, data.turn_weights), (data.unturned_deg, data.unturned_weights)
+    )
+    caption = (
+        "Angle from cell axes to principal axes of the stress in their plane, weighted by how much "
+        "the stress differs there over directions. Cells stiffest along their axes do best at 0°, "
+        "those softest along them at 45°."
+    )
+    return [(svg, caption)]
+
+
+def _layers(data: PlotData) -> str:
+    """Layers of the grid side by side, on one scale of colours."""
+    if not data.layers:
+        return ""
+    shown = np.concatenate([layer.values[layer.meets] for layer in data.layers])
+    _, high, _ = colour_range(shown, middle=1.0)
+    drawn = []
+    for layer in data.layers:
+        axis = ("first", "second", "third")[layer.axis]
+        caption = (
+            f"Layer of cells seen along the grid's {axis} axis, with the part's outline, coloured by "
+            "achieved over wanted size; cells without colour miss the part."
+        )
+        drawn.append((plots.grid_layer(layer, half=high - 1), caption))
+    return _plots(*drawn)
 
 
 def _structure(report: Report, shown: _Figures, data: PlotData) -> str:
@@ -247,6 +315,13 @@ def _structure(report: Report, shown: _Figures, data: PlotData) -> str:
     if data.lengths is not None and data.lengths.size:
         svg = plots.histogram(data.lengths, "strut length [mm]")
         left.append(_figure(svg, "Lengths of the struts between their joints."))
+    angles, weights = data.strut_angles_deg, data.strut_weights
+    if angles is not None and weights is not None and weights.any():
+        caption = (
+            "Angle of each strut to the direction of the numerically largest principal stress, "
+            "weighted by its length and by how much that stress stands out."
+        )
+        left.append(_figure(plots.strut_angles(angles, weights), caption))
     return _section("Structure", left, [shown.of("radius")])
 
 
@@ -280,6 +355,12 @@ def _result(report: Report, shown: _Figures) -> str:
 
 def _titled(title: str, rows: str) -> str:
     return f"<div><h3>{title}</h3>{rows}</div>" if rows else ""
+
+
+def _together(*pieces: str) -> str:
+    """One column of several pieces."""
+    pieces = tuple(piece for piece in pieces if piece)
+    return f'<div class="stack">{"".join(pieces)}</div>' if pieces else ""
 
 
 def _times(report: Report) -> str:

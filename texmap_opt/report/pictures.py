@@ -14,6 +14,7 @@ import pyvista as pv
 
 from texmap_opt.report.glyphs import Glyph, axis_arrows, diagonal, glyph
 from texmap_opt.report.overlay import (
+    DIVERGING,
     SECTION_COLOUR,
     Badge,
     Bar,
@@ -242,23 +243,22 @@ def _under_legend(frame: Frame, rows: int) -> Frame:
 
 
 def _warped_grid(plotter: pv.Plotter, scene: WarpedGrid, eye: Eye) -> Overlay:
-    low, high, beyond = colour_range(scene.size[scene.meets])
     grid = pv.StructuredGrid(*np.moveaxis(scene.nodes, -1, 0))
     # StructuredGrid counts cells with the first index fastest.
-    grid.cell_data["values"] = scene.size.ravel(order="F")
+    grid.cell_data["values"] = scene.values.ravel(order="F")
     # The octant towards the eye is left out, so that the cells inside are seen.
     corner = (scene.nodes[:-1, :-1, :-1] + scene.nodes[1:, 1:, 1:]) / 2
     near = ((corner - scene.part.bounds.mean(axis=0)) * np.sign(eye.direction) > 0).all(axis=-1)
     shown = scene.meets & ~near
     cells = grid.extract_cells(np.flatnonzero(shown.ravel(order="F")))
     skin = cells.extract_surface(algorithm="dataset_surface")
-    bar = Bar("cell size\n[mm]", "viridis_r", low, high, beyond)
+    scale = colour_range(scene.values[scene.meets], middle=scene.middle)
+    bar = Bar(scene.quantity, "viridis_r" if scene.middle is None else DIVERGING, *scale)
     thin = 0.8 * SUPERSAMPLING
     _add_coloured(plotter, skin, bar, show_edges=True, edge_color=EDGE_COLOUR, line_width=thin)
     _add(plotter, _poly(scene.part), color="white", opacity=0.25)
     _sharp_edges(plotter, scene.part)
-    seen = np.concatenate([np.asarray(skin.points), scene.part.vertices])
-    _look(plotter, seen, eye, BESIDE_BAR)
+    _look(plotter, np.concatenate([skin.points, scene.part.vertices]), eye, BESIDE_BAR)
     return Overlay(bar)
 
 

@@ -1,7 +1,7 @@
 """The pictures of a run: which values each of them shows."""
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Float
 
 from texmap_opt.case import Load, Support
 from texmap_opt.report.marks import mark_of
@@ -13,12 +13,13 @@ from texmap_opt.report.scenes import (
     Struts,
     WarpedGrid,
     Whole,
-    cell_sizes,
     triangles_of_facets,
 )
 from texmap_opt.run_result import Run
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.stress_field import StressField, selected_facets
+from texmap_opt.warp.grid import Grid
+from texmap_opt.warp.quality import achieved_sizes
 
 # A resultant below this share of the sum of its forces is their rounding: the load is a moment.
 ROUNDING = 1e-9
@@ -31,13 +32,25 @@ def run_scenes(run: Run) -> dict[str, Scene]:
     faces = triangles_of_facets(mesh.boundary_facets)
     used, numbered = np.unique(faces, return_inverse=True)
     marks = tuple(_mark(stress, k, a) for k, a in _numbered(run))
+    corners = hexahedra(grid)
+    shape = tuple(n - 1 for n in corners.shape[:3])
+    size = achieved_sizes(grid).reshape(shape)
+    meets = run.warp.occupied_mm3.reshape(shape) > 0
     scenes: dict[str, Scene] = {
         "load": LoadedPart(
             TriMesh(mesh.nodes[used], numbered.reshape(-1, 3)),
             stress.von_mises.max(axis=0)[used],
             marks,
         ),
-        "grid": WarpedGrid(grid.nodes, cell_sizes(grid.nodes), _meets(run), run.part.surface),
+        "grid": WarpedGrid(corners, size * mean_edge(grid), meets, run.part.surface),
+        "size-error": WarpedGrid(
+            corners,
+            size / run.warp.wanted_size.reshape(size.shape),
+            meets,
+            run.part.surface,
+            quantity="achieved over\nwanted size",
+            middle=1.0,
+        ),
     }
     structure, sized = run.filling.structure, run.filling.sized
     scenes["radius"] = Struts(
@@ -78,10 +91,14 @@ def _mark(stress: StressField, number: int | None, action: Support | Load) -> Ma
     return mark_of(action, patch, label, force)
 
 
-def _meets(run: Run) -> Bool[np.ndarray, "x y z"]:
-    """Cells whose centre is in the part, or within half their diagonal of its surface."""
-    grid = run.warp.grid
-    corners = grid.nodes.reshape(-1, 3)[grid.hexes]
-    reach = np.linalg.norm(corners - grid.centres[:, None], axis=2).max(axis=1)
-    _, distance, _ = run.part.closest(grid.centres)
-    return (distance < 0.5 * reach).reshape(grid.cells)
+def hexahedra(grid: Grid) -> Float[np.ndarray, "i j k 3"]:
+    """Corners of the cells in space [mm]; extruded cells reach through the box."""
+    if grid.dimensions == 3:
+        return grid.positions
+    ends = (grid.box.bounds[:, 2] - grid.box.bounds[:, 2].mean())[:, None] * grid.box.axes[2]
+    return grid.positions[:, :, None] + ends
+
+
+def mean_edge(grid: Grid) -> float:
+    """Edge of the cube, or square, as large as a uniform cell [mm]."""
+    return float(grid.uniform_edge.prod() ** (1 / grid.dimensions))

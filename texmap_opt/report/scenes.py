@@ -58,19 +58,23 @@ class LoadedPart:
 
 @dataclass(frozen=True, eq=False)
 class WarpedGrid:
-    """The cells that meet the part, coloured by size, in the translucent part.
+    """The cells that meet the part, coloured by a value, in the translucent part.
 
     Attributes:
         nodes: corners of the cells [mm].
-        size: edge of the cube with the cell's volume [mm].
+        values: what the colour shows, one a cell.
         meets: cells that meet the part.
         part: the part's surface.
+        quantity: name for the colour bar; lines end with a newline.
+        middle: value of the middle colour, for values that are good there; None: lowest to highest.
     """
 
     nodes: Float[np.ndarray, "i j k 3"]
-    size: Float[np.ndarray, "x y z"]
+    values: Float[np.ndarray, "x y z"]
     meets: Bool[np.ndarray, "x y z"]
     part: TriMesh
+    quantity: str = "cell size\n[mm]"
+    middle: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

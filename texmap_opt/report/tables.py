@@ -145,13 +145,29 @@ WARP = (
     Row("min_jacobian", "smallest Jacobian (Bézier bound)", quantity("", 3)),
     Row("max_aspect", "largest aspect ratio", quantity("", 3)),
     Row("min_edge", "shortest edge over the uniform one", quantity("", 3)),
-    Row("wanted_contrast", "largest over smallest wanted size", quantity("", 3)),
-    Row("size_slope", "slope of achieved over wanted size (log)", quantity("", 3)),
-    Row("size_correlation", "correlation of the two", quantity("", 3)),
-    Row("mean_angle_deg", "mean angle to the stress axes", quantity("°", 3)),
+    Row("scaled_jacobian", "smallest scaled Jacobian", quantity("", 3)),
     Row("iterations", "iterations", count),
     Row("converged", "converged", yes_no),
     Row("message", "remark", text),
+)
+WARP_SIZES = (
+    Row("wanted_contrast", "largest over smallest wanted size", quantity("", 3)),
+    Row("size_slope", "slope of achieved over wanted (log)", quantity("", 3)),
+    Row("size_correlation", "correlation of the two", quantity("", 3)),
+    Row("part_size_slope", "slope over the cells of the part", quantity("", 3)),
+    Row("part_size_correlation", "correlation over them", quantity("", 3)),
+    Row("size_error", "error of the size (rms)", percent),
+)
+WARP_ANGLES = (
+    Row("mean_angle_deg", "mean angle to the stress axes", quantity("°", 3)),
+    Row("turn_deg", "to the nearest one, weighted", quantity("°", 3)),
+    Row("turn_uniform_deg", "the same, cells not turned", quantity("°", 3)),
+)
+WARP_ENERGY = (
+    Row("share", "share of the attainable gain", percent),
+    Row("warped", "of the cells as they are", quantity("", 4)),
+    Row("best", "each cell turned best", quantity("", 4)),
+    Row("worst", "each cell turned worst", quantity("", 4)),
 )
 STRUCTURE = (
     Row("cell", "unit cell", text),

@@ -1,14 +1,21 @@
-"""A net of unit cells mapped into a warped grid of hexahedra."""
+"""A net of unit cells mapped into a warped grid.
+
+Joints, sizes and volumes take the grid's nodes as NumPy or JAX arrays and return the same kind: JAX
+differentiates them in the nodes. Which joint lies in which cell, the net, does not depend on them.
+"""
 
 import itertools
+from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.errors import CaseError, nearest_name
 from texmap_opt.structure.structure import Structure
-from texmap_opt.structure.tile import tile
+from texmap_opt.structure.tile import Net, tile
+
+Kind = TypeVar("Kind", np.ndarray, Array)
 
 RADIUS_MODES = ("constant", "scaled")
 
@@ -44,12 +51,12 @@ def map_structure(
         raise CaseError(f"radius_mm is {radius:g} mm; it must be a positive number.")
     nx, ny, nz = (n - 1 for n in grid_nodes.shape[:3])
     net = tile(cell, (nx, ny, nz))
-    cell_size = net.sharing @ cell_sizes(grid_nodes).reshape(-1)
+    cell_size = mapped_sizes(net, grid_nodes)
     radii = radius * net.relative_radius
     if radius_mode == "scaled":
         radii = radii * cell_size
     return Structure(
-        joints=trilinear(grid_nodes, net.joint_cell, net.joint_local),
+        joints=mapped_joints(net, grid_nodes),
         struts=net.struts,
         radii=np.repeat(radii[:, None], 2, axis=1),
         cut=np.zeros(len(net.joints), bool),
@@ -58,34 +65,110 @@ def map_structure(
     )
 
 
-def trilinear(
-    grid_nodes: Float[np.ndarray, "_ _ _ 3"],
-    cell: Int[np.ndarray, "samples 3"],
-    local: Float[np.ndarray, "samples 3"],
-) -> Float[np.ndarray, "samples 3"]:
-    """Positions [mm] of points given by their cell and their coordinates in it, 0 to 1."""
-    position = np.zeros((len(cell), 3))
-    for corner in itertools.product((0, 1), repeat=3):
-        weight = np.prod(np.where(corner, local, 1 - local), axis=1)
-        i, j, k = (cell + np.array(corner)).T
-        position += weight[:, None] * grid_nodes[i, j, k]
+def mapped_joints(net: Net, nodes: Float[Kind, "_ _ _ 3"]) -> Float[Kind, "joints 3"]:
+    """Where the grid's nodes [mm] take the joints of a net [mm]."""
+    return multilinear(nodes, net.joint_cell, net.joint_local)
+
+
+def mapped_sizes(net: Net, nodes: Float[Kind, "_ _ _ 3"]) -> Float[Kind, " struts"]:
+    """Mean of `cell_sizes` over the cells that share each strut of a net."""
+    xp = nodes.__array_namespace__()
+    sharing = net.sharing
+    shares = sharing.data * cell_sizes(nodes).reshape(-1)[sharing.indices]
+    # A product with a sparse matrix that NumPy and JAX both know; no row of it is empty.
+    return xp.add.reduceat(shares, sharing.indptr[:-1])
+
+
+def multilinear(
+    nodes: Float[Kind, "*nodes d"],
+    cell: Int[np.ndarray, "samples d"],
+    local: Float[np.ndarray, "samples d"],
+) -> Float[Kind, "samples d"]:
+    """Positions of points given by their cell and their coordinates in it, 0 to 1.
+
+    Args:
+        nodes: of the grid [mm]; two grid directions or three.
+        cell: index of the cell along each grid direction.
+        local: coordinates in the cell.
+    """
+    *shape, d = nodes.shape
+    # Distance in the flat array of two nodes that are neighbours along each direction.
+    stride = np.cumprod([1, *shape[:0:-1]])[::-1]
+    first, flat = cell @ stride, nodes.reshape(-1, d)
+    sides = [(1 - local[:, axis], local[:, axis]) for axis in range(d)]
+
+    def share(corner: tuple[int, ...]) -> Float[Kind, "samples d"]:
+        weight = np.prod([sides[axis][side] for axis, side in enumerate(corner)], axis=0)
+        return weight[:, None] * flat[first + np.array(corner) @ stride]
+
+    lowest, *others = itertools.product((0, 1), repeat=d)
+    position = share(lowest)
+    for corner in others:
+        position = position + share(corner)
     return position
 
 
-def cell_sizes(grid_nodes: Float[np.ndarray, "_ _ _ 3"]) -> Float[np.ndarray, "_ _ _"]:
+def cell_sizes(nodes: Float[Kind, "*nodes d"]) -> Float[Kind, "*cells"]:
     """Size of each warped cell relative to a uniform one; 1 in a uniform grid.
 
-    The mean over its twelve edges of edge length over the uniform edge in the same grid direction.
-    (The cube root of the volume ratio would call a flattened cell small although its struts in the
-    plane are long; edges are what struts follow.) The uniform edge is the distance between the
-    grid's own corners over the number of cells: corners stay put when nodes slide in the box.
+    The mean over its edges, twelve or four, of edge length over the uniform edge in the same grid
+    direction. (The d-th root of the volume ratio would call a flattened cell small although its
+    struts in the plane are long; edges are what struts follow.) The uniform edge is the distance
+    between the grid's own corners over the number of cells: corners stay put when nodes slide in
+    the box.
+
+    Args:
+        nodes: of the grid [mm]; two grid directions or three.
     """
-    total = np.zeros(tuple(n - 1 for n in grid_nodes.shape[:3]))
-    for axis in range(3):
-        nodes = np.moveaxis(grid_nodes, axis, 0)
-        corners = nodes[:, [0, 0, -1, -1], [0, -1, 0, -1]]
-        chord = np.linalg.norm(corners[-1] - corners[0], axis=-1).mean()
-        edges = np.linalg.norm(np.diff(nodes, axis=0), axis=-1) * (len(nodes) - 1) / chord
-        four = edges[:, :-1, :-1] + edges[:, 1:, :-1] + edges[:, :-1, 1:] + edges[:, 1:, 1:]
-        total += np.moveaxis(four, 0, axis)
-    return total / 12
+    xp = nodes.__array_namespace__()
+    d = nodes.shape[-1]
+    corners = nodes[np.ix_(*[[0, -1]] * d)]
+    total = 0
+    for axis in range(d):
+        chord = xp.linalg.norm(xp.diff(corners, axis=axis), axis=-1).mean()
+        edges = xp.linalg.norm(xp.diff(nodes, axis=axis), axis=-1) * (nodes.shape[axis] - 1) / chord
+        for other in (k for k in range(d) if k != axis):
+            lower, upper = (_part(edges, other, side) for side in (0, 1))
+            edges = lower + upper
+        total = total + edges
+    return total / (d * 2 ** (d - 1))
+
+
+def cell_volumes(nodes: Float[Kind, "*nodes d"]) -> Float[Kind, "*cells"]:
+    """Volume of each cell [mm³], or its area in two dimensions [mm²]; negative when inside out.
+
+    Exact for the multilinear map: faces are bilinear, so neighbours fill the box without gaps.
+
+    Source: Grandy, "Efficient computation of volume of hexahedral cells", Lawrence Livermore
+    National Laboratory, UCRL-ID-128886 (1997): twelve times the volume is the sum of three
+    determinants, each of one diagonal of the cell and of diagonals of its faces.
+
+    Args:
+        nodes: of the grid [mm]; two grid directions or three.
+    """
+    d = nodes.shape[-1]
+    corner = {}
+    for sides in itertools.product((0, 1), repeat=d):
+        part = nodes
+        for axis, side in enumerate(sides):
+            part = _part(part, axis, side)
+        corner[sides] = part
+    if d == 2:
+        a, b = corner[1, 1] - corner[0, 0], corner[0, 1] - corner[1, 0]
+        return (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2
+    # Across the cell's faces and its body, from the names of the axes they run along.
+    x, y, z = (corner[s] - corner[0, 0, 0] for s in ((1, 1, 0), (1, 0, 1), (0, 1, 1)))
+    u, v, w = (corner[1, 1, 1] - corner[s] for s in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    return (_triple(u + z, v, x) + _triple(z, v + y, w) + _triple(u, y, w + x)) / 12
+
+
+def _part(values: Kind, axis: int, side: int) -> Kind:
+    """All but the last along an axis for side 0, all but the first for side 1."""
+    n = values.shape[axis]
+    return values[(*[slice(None)] * axis, slice(side, n - 1 + side))]
+
+
+def _triple(a: Float[Kind, "*cells 3"], b: Float[Kind, "*cells 3"], c: Float[Kind, "*cells 3"]):
+    """The determinant of three vectors."""
+    xp = a.__array_namespace__()
+    return (a * xp.cross(b, c)).sum(axis=-1)

@@ -7,6 +7,7 @@ import scipy.sparse.csgraph
 from jaxtyping import Bool, Float, Int
 
 from texmap_opt.errors import StructureError
+from texmap_opt.structure.strut_geometry import strut_lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +34,7 @@ class Structure:
 
     def lengths(self) -> Float[np.ndarray, " struts"]:
         """Length of each strut between its joints [mm]."""
-        start, end = self.joints[self.struts[:, 0]], self.joints[self.struts[:, 1]]
-        return np.linalg.norm(end - start, axis=1)
+        return strut_lengths(self.joints, self.struts)
 
     def degrees(self) -> Int[np.ndarray, " joints"]:
         """How many struts meet at each joint."""

@@ -1,211 +1,302 @@
-"""Our warp: nonlinear least squares for shape and size that never leaves the fold-free set."""
+"""Our warp: nonlinear least squares for shape, size and direction that never leaves the fold-free set."""
+
+import math
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
-from texmap_opt.warp.certificate import (
-    bezier_coefficients,
-    cross,
-    determinants,
-    edge_matrices,
-)
-from texmap_opt.warp.hex_grid import HexGrid
+from texmap_opt.errors import WarpError
+from texmap_opt.solid.tri_mesh import TriMesh
+from texmap_opt.warp.alignment import AbstractAlignment, Unaligned
+from texmap_opt.warp.conforming import Conforming
+from texmap_opt.warp.grid import Grid
+from texmap_opt.warp.least_squares_problem import Energies, LeastSquaresProblem
+from texmap_opt.warp.levels import coarser, prolonged
 from texmap_opt.warp.modes import SlidingModes
-from texmap_opt.warp.warp import AbstractWarp, WarpResult
+from texmap_opt.warp.variables import Variables
+from texmap_opt.warp.warp import AbstractWarp, WarpResult, require_layers
+from texmap_opt.warping_function.size_law import known
 from texmap_opt.warping_function.warping_function import WarpingFunction
-
-# The shape residual is the mean over the corners of a cell (the quadrature of the energy), the size
-# residual the sum over its 27 coefficients; weights in the literature of this project assume this.
-CORNERS = 8
-
-# Weight of the displacement itself: makes the Hessian definite; moving a node by a whole cell costs
-# as much as a strain of 1e-3 in one cell.
-TIKHONOV = 1e-6
 
 # Steps L-BFGS remembers; each costs the memory of two grids.
 HISTORY = 10
 
-# Converged means: what another step could gain is below this part of the objective.
-LEAST_GAIN = 1e-2
+# Steps after which the variables are set up anew about the grid reached: often enough for them to fit
+# a grid that still moves, seldom enough for L-BFGS to profit from its memory.
+STEPS_PER_ROUND = 25
 
-# Objective of a grid that is perfect up to rounding.
+# Grids on the way to the finest are solved to this gain only.
+GAIN_ON_THE_WAY = 1e-3
+
+# The contrast is raised by at most this factor at a time, so that every start is near its end.
+CONTRAST_STEP = math.sqrt(3.0)
+
+# Gain below which a grid is perfect up to rounding.
 ROUNDING = 1e-20
 
-
-class Residuals(eqx.Module):
-    """The residuals of all cells; the objective is half the sum of their squares.
-
-    Attributes:
-        shape: T - T^-T at the eight corners: component, column, corner (2 2 2), cell.
-        size: sqrt(w) (B^1/2 - B^-1/2) of the 27 Bezier coefficients.
-        identity: sqrt(TIKHONOV) times the displacement in uniform cells.
-        unfolded: whether all B are positive; the residuals mean nothing otherwise.
-    """
-
-    shape: Float[Array, "3 3 2 2 2 *cells"]
-    size: Float[Array, "3 3 3 *cells"]
-    identity: Float[Array, " 3 *nodes"]
-    unfolded: Bool[Array, ""]
-
-    def objective(self) -> Float[Array, ""]:
-        """Half the sum of squares; infinite where a cell is not certified free of folds."""
-        parts = (self.shape, self.size, self.identity)
-        total = sum((jnp.sum(part**2) for part in parts), jnp.asarray(0.0))
-        return jnp.where(self.unfolded, 0.5 * total, jnp.inf)
-
-
-class LeastSquaresProblem(eqx.Module):
-    """The objective of `LeastSquares` as a function of the nodes.
-
-    Attributes:
-        f: the warping function.
-        start: nodes of the uniform grid, component first [mm].
-        uniform_edge: edges of a uniform cell [mm].
-        size_weight: w.
-    """
-
-    f: WarpingFunction
-    start: Float[Array, " 3 *nodes"]
-    uniform_edge: Float[Array, " 3"]
-    size_weight: Float[Array, ""]
-
-    @classmethod
-    def of(cls, grid: HexGrid, f: WarpingFunction, size_weight: float) -> "LeastSquaresProblem":
-        """The problem of a box and its number of cells."""
-        start = jnp.moveaxis(jnp.asarray(HexGrid.uniform(grid.box, grid.cells).nodes), -1, 0)
-        return cls(f, start, jnp.asarray(grid.uniform_edge), jnp.asarray(float(size_weight)))
-
-    def residuals(self, nodes: Float[Array, " 3 *nodes"]) -> Residuals:
-        """All residuals at nodes given component first [mm].
-
-        With J the edge matrix, s the wanted size at the centre of the cell where it is now, and
-        T = J / s (Design and derivation: docs/theory/warp.md).
-        """
-        columns = edge_matrices(nodes, self.uniform_edge)
-        s = self._wanted_size(nodes)
-        B = bezier_coefficients(determinants(columns)) / s[None, None, None] ** 3
-        unfolded = jnp.all(B > 0)
-        # A trial that folds is refused as a whole; 1 keeps its roots real until then.
-        B = jnp.where(B > 0, B, 1.0)
-        size = jnp.sqrt(self.size_weight) * (jnp.sqrt(B) - 1.0 / jnp.sqrt(B))
-        # The corners are the points 0 and 1 of 0, 1/2, 1 along each axis.
-        corners = [c[:, ::2, ::2, ::2] / s[None, None, None, None] for c in columns]
-        det = B[::2, ::2, ::2][None]
-        shape = jnp.sqrt(1.0 / CORNERS) * jnp.stack(
-            [
-                corners[k] - cross(corners[(k + 1) % 3], corners[(k + 2) % 3]) / det
-                for k in range(3)
-            ],
-            axis=1,
-        )
-        moved = (nodes - self.start) / self.uniform_edge[:, None, None, None]
-        return Residuals(shape, size, jnp.sqrt(TIKHONOV) * moved, unfolded)
-
-    def objective(self, nodes: Float[Array, " 3 *nodes"]) -> Float[Array, ""]:
-        """Half the sum of squares of all residuals."""
-        return self.residuals(nodes).objective()
-
-    def _wanted_size(self, nodes: Float[Array, " 3 *nodes"]) -> Float[Array, "*cells"]:
-        centres = nodes
-        for axis in (1, 2, 3):
-            low = jax.lax.slice_in_dim(centres, 0, -1, axis=axis)
-            centres = (low + jax.lax.slice_in_dim(centres, 1, None, axis=axis)) / 2
-        return self.f.size(centres.reshape(3, -1).T).reshape(centres.shape[1:])
+# Newton's method on the gradient, for the derivative of the minimiser: it ends where a step moves
+# the variables (about 1 each where a cell is strained by 1) by less than this.
+POLISHED = 1e-10
 
 
 class LeastSquares(AbstractWarp):
-    """Cells as close as possible to rotated cubes of the wanted size, and none folded.
+    """Cells as close as possible to turned cubes of the wanted size, and none folded.
 
-    Minimises the residuals of `LeastSquaresProblem` by L-BFGS in the variables of `SlidingModes`,
-    starting from the uniform grid. A trial grid with a Bezier coefficient of det J that is not
-    positive has an infinite objective, so the line search turns back: every accepted grid is
-    certified.
+    Minimises `LeastSquaresProblem` by L-BFGS in the variables of `Variables`, from coarse grids to
+    the one asked for. The coarsest starts at the uniform grid and raises the contrast in steps. A
+    trial grid with a Bezier coefficient of det J that is not positive has an infinite objective, so
+    the line search turns back: every accepted grid is certified.
 
     Attributes:
         size_weight: w, weight of the size (and barrier) residual against shape. At contrast 3 on
             12³ cells the log-log slope of achieved against wanted size is 0.91 with 1 and 0.98 with
             10; cells become longer for it.
-        max_steps: when to give up.
-        rtol: relative change of the objective and of the variables at which to stop.
+        alignment: what turns the cells, with its weight.
+        surface: a part whose surface nodes near it are to follow; None: they need not.
+        surface_weight: of the residual that makes them.
+        gtol: gain of another step, half the squared norm of the gradient in the variables over the
+            objective, at which to stop.
+        max_steps: trial grids of any one size after which to give up.
     """
 
-    size_weight: float = 10.0
+    size_weight: float | Float[Array, ""] = 10.0
+    alignment: AbstractAlignment = Unaligned()
+    surface: TriMesh | None = None
+    surface_weight: float | Float[Array, ""] = 10.0
+    gtol: float = 1e-4
     max_steps: int = 1000
-    rtol: float = 1e-3
 
-    def fit(self, grid: HexGrid, f: WarpingFunction) -> WarpResult:
-        """Minimises from the uniform grid over the box of `grid`."""
-        problem = LeastSquaresProblem.of(grid, f, self.size_weight)
-        modes = SlidingModes.of(grid, _stiffness_at_identity(self.size_weight))
-        minimum = _minimise(problem, modes, self.rtol, self.max_steps)
-        steps, gain = int(minimum.steps), float(minimum.gain)
-        converged = bool(minimum.stopped) and gain < LEAST_GAIN
+    def fit(self, grid: Grid, f: WarpingFunction) -> WarpResult:
+        """Minimises from the uniform grid over the box of `grid`.
+
+        Raises:
+            WarpError: if there is only one cell along an axis.
+        """
+        end, problem = self._minimum(grid, f)
+        parts = {name: float(part) for name, part in vars(_energies(problem, end.nodes)).items()}
+        measures = {
+            "gradient_norm": end.gradient_norm,
+            "gain": end.gain,
+            "tolerance": self.gtol,
+            "objective": sum(parts.values()),
+            **{f"objective_{name}": part for name, part in parts.items()},
+        }
+        moved = grid.with_nodes(np.asarray(jnp.moveaxis(end.nodes, 0, -1)))
+        if problem.surface is not None:
+            measures |= vars(problem.surface.measure(moved))
+        converged = end.gain < self.gtol
         message = ""
         if not converged:
             message = (
-                f"least-squares stopped after {steps} steps although another could lower the "
-                f"objective by {gain:.1e} of its value (limit {LEAST_GAIN:.0e}); the grid has no "
+                f"least-squares stopped after {end.steps} steps although another could lower the "
+                f"objective by {end.gain:.1e} of its value (limit {self.gtol:.0e}); the grid has no "
                 "folds but not the best: lower the contrast, smooth f more, or allow more steps."
             )
-        result = HexGrid(np.asarray(jnp.moveaxis(minimum.nodes, 0, -1)), grid.box)
-        return WarpResult(result, "least-squares", steps, converged, message)
+        return WarpResult(moved, "least-squares", end.steps, converged, message, measures)
+
+    def nodes(self, grid: Grid, f: WarpingFunction) -> Float[Array, "*nodes d"]:
+        """The minimising nodes [mm], which JAX can differentiate.
+
+        By everything in `f` (the values it was built of, exponent, contrast), by `size_weight` and
+        by the weight of the alignment. The derivative is that of the implicit function: one solve
+        with the Hessian by conjugate gradients, however many steps the search took.
+
+        The search runs on the host: `jax.grad`, `jax.jvp` and `jax.vjp` work, `jax.jit` and
+        `jax.vmap` around it do not.
+
+        Raises:
+            WarpError: if the minimum is not reached, if there is only one cell along an axis, or
+                under `jax.jit`.
+        """
+        still = jax.tree_util.tree_map(
+            lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, (self, f)
+        )
+        if not all(known(leaf) for leaf in jax.tree_util.tree_leaves(still)):
+            raise WarpError(
+                "The least-squares warp searches on the host and cannot be traced by jax.jit or "
+                "jax.vmap: take the derivative of a function that calls it, without either."
+            )
+        end, problem = still[0]._minimum(grid, still[1])
+        variables = Variables.about(end.nodes, grid, _modes(grid, float(problem.size_weight)))
+        nodes, reached = _polished(self._problem(grid, f, problem.surface), variables)
+        if not bool(reached):
+            raise WarpError(
+                "Newton's method does not reach the minimum of the least-squares warp from a gain "
+                f"of {end.gain:.1e}: lower the contrast or smooth f more, or allow more steps."
+            )
+        return jnp.moveaxis(nodes, 0, -1)
+
+    def _problem(
+        self, grid: Grid, f: WarpingFunction, surface: Conforming | None = None
+    ) -> LeastSquaresProblem:
+        return LeastSquaresProblem.of(
+            grid, f, size_weight=self.size_weight, alignment=self.alignment, surface=surface
+        )
+
+    def _minimum(self, grid: Grid, f: WarpingFunction) -> tuple["_Minimum", LeastSquaresProblem]:
+        """The best certified grid found, and the problem it is the minimum of."""
+        require_layers(grid, "least-squares")
+        levels = coarser(grid)
+        on_the_way = max(self.gtol, GAIN_ON_THE_WAY)
+        nodes = jnp.moveaxis(jnp.asarray(levels[0].nodes), -1, 0)
+        for share in _shares(levels[0], f)[:-1]:
+            problem = self._problem(levels[0], f.softened(share))
+            nodes = _descend(problem, levels[0], nodes, on_the_way, self.max_steps).nodes
+        for level in levels[:-1]:
+            problem = self._problem(level, f)
+            end = _descend(problem, level, nodes, on_the_way, self.max_steps)
+            nodes = prolonged(end.nodes, levels[levels.index(level) + 1])
+        problem = self._problem(grid, f)
+        end = _descend(problem, grid, nodes, self.gtol, self.max_steps)
+        if self.surface is None:
+            return end, problem
+        # Which nodes are near the surface shows only now.
+        reached = grid.with_nodes(np.asarray(jnp.moveaxis(end.nodes, 0, -1)))
+        problem = self._problem(grid, f, Conforming.of(reached, self.surface, self.surface_weight))
+        return _descend(problem, grid, end.nodes, self.gtol, self.max_steps), problem
 
 
 class _Minimum(eqx.Module):
-    """Where L-BFGS ended.
+    """Where a search ended.
 
     Attributes:
         nodes: of the grid, component first [mm].
-        steps: number of trial grids.
-        stopped: whether it stopped by itself.
-        gain: estimated relative decrease of the objective by another step.
+        steps: number of trial grids of this size.
+        objective: half the sum of squares.
+        gradient_norm: in the variables about the end.
     """
 
-    nodes: Float[Array, " 3 *nodes"]
-    steps: Int[Array, ""]
-    stopped: Bool[Array, ""]
-    gain: Float[Array, ""]
+    nodes: Float[Array, " d *nodes"]
+    steps: int
+    objective: float
+    gradient_norm: float
+
+    @property
+    def gain(self) -> float:
+        """Estimated relative decrease of the objective by another step.
+
+        The Hessian in the variables is about the identity, so a Newton step gains about half the
+        squared gradient.
+        """
+        return 0.5 * self.gradient_norm**2 / (self.objective + ROUNDING)
+
+
+class _LBFGS(optx.AbstractLBFGS):
+    """Optimistix's L-BFGS, ended by the gain of another step instead of the last one's size."""
+
+    gtol: Float[Array, ""]
+    rtol: float = 0.0
+    atol: float = 0.0
+    norm: Callable[[Any], Any] = optx.max_norm
+    use_inverse: bool = True
+    history_length: int = HISTORY
+    descent: optx.NewtonDescent = optx.NewtonDescent()
+    search: optx.BacktrackingArmijo = optx.BacktrackingArmijo()
+    verbose: Callable[..., None] = eqx.field(default=lambda **_: None, static=True)
+
+    def terminate(
+        self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any
+    ) -> tuple[Bool[Array, ""], optx.RESULTS]:
+        """Whether the gain is below the tolerance; not before anything was evaluated."""
+        squared = jnp.sum(state.f_info.grad**2)
+        small = 0.5 * squared < self.gtol * state.f_info.f + ROUNDING
+        return ~state.first_step & small, state.result
+
+
+def _shares(grid: Grid, f: WarpingFunction) -> list[float]:
+    """Powers of the wanted size on the way to 1; the contrast grows by `CONTRAST_STEP` at most."""
+    wanted = jnp.log(f.size(grid.centres))
+    spread = float(jnp.max(wanted) - jnp.min(wanted))
+    count = max(1, math.ceil(spread / math.log(CONTRAST_STEP) - 1e-9))
+    return [(k + 1) / count for k in range(count)]
+
+
+def _modes(grid: Grid, size_weight: float) -> SlidingModes:
+    """Modes scaled by the objective's second derivatives at the identity.
+
+    Around T = I + E the residuals of shape are E + E^T and the 3^d of size sqrt(w) tr E.
+    """
+    stretch = 4.0 + 3**grid.dimensions * size_weight
+    return SlidingModes.of(grid, shear=2.0, stretch=stretch, free=grid.free)
+
+
+def _descend(
+    problem: LeastSquaresProblem,
+    grid: Grid,
+    nodes: Float[Array, " d *nodes"],
+    gtol: float,
+    max_steps: int,
+) -> _Minimum:
+    """L-BFGS from certified nodes, in variables set up anew every few steps."""
+    modes = _modes(grid, float(problem.size_weight))
+    steps = 0
+    while True:
+        variables = Variables.about(nodes, grid, modes)
+        most = min(STEPS_PER_ROUND, max_steps - steps)
+        nodes, taken, objective, norm = _round(problem, variables, jnp.asarray(gtol), most)
+        steps += int(taken)
+        end = _Minimum(nodes, steps, float(objective), float(norm))
+        if end.gain < gtol or steps >= max_steps:
+            return end
 
 
 @eqx.filter_jit
-def _minimise(
-    problem: LeastSquaresProblem, modes: SlidingModes, rtol: float, max_steps: int
-) -> _Minimum:
-    """L-BFGS from the uniform grid."""
-
-    def objective(z, args):
-        problem, modes = args
-        return problem.objective(problem.start + modes.displacement(z))
-
-    args = (problem, modes)
-    start = modes.at_rest()
+def _round(
+    problem: LeastSquaresProblem,
+    variables: Variables,
+    gtol: Float[Array, ""],
+    most: int,
+) -> tuple[Float[Array, " d *nodes"], Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
+    """A few steps: the nodes, the number of steps, the objective and the gradient's norm."""
     solution = optx.minimise(
-        objective,
-        optx.LBFGS(rtol=rtol, atol=rtol, norm=optx.rms_norm, history_length=HISTORY),
-        start,
-        args=args,
-        max_steps=max_steps,
+        _objective_in_variables,
+        _LBFGS(gtol=gtol),
+        jnp.zeros_like(problem.start),
+        args=(problem, variables),
+        max_steps=most,
         throw=False,
     )
-    # The Hessian in z is about the identity, so a Newton step would gain about half the squared
-    # gradient.
-    gain = 0.5 * optx.two_norm(solution.state.f_info.grad) ** 2
-    nodes = problem.start + modes.displacement(solution.value)
-    return _Minimum(
-        nodes=nodes,
-        steps=solution.stats["num_steps"],
-        stopped=solution.result == optx.RESULTS.successful,
-        gain=gain / (solution.state.f_info.f + ROUNDING),
-    )
+    last = solution.state.f_info
+    norm = jnp.sqrt(jnp.sum(last.grad**2))
+    return variables.at(solution.value), solution.stats["num_steps"], last.f, norm
 
 
-def _stiffness_at_identity(size_weight: float) -> float:
-    """Second derivative of the objective by a strain of one mode, shared among the 3 directions.
+@eqx.filter_jit
+def _polished(
+    problem: LeastSquaresProblem, variables: Variables
+) -> tuple[Float[Array, " d *nodes"], Bool[Array, ""]]:
+    """The minimum near the origin of the variables by Newton's method, and whether it was reached.
 
-    Around T = I + E the eight shape residuals are E + E^T and the 27 size residuals sqrt(w) tr E.
+    As a function of the problem it is differentiable (implicitly).
     """
-    return 2 + 27 * size_weight / 3
+    solver = lx.CG(rtol=1e-10, atol=1e-14)
+    solution = optx.root_find(
+        jax.grad(_objective_in_variables),
+        optx.Newton(rtol=0.0, atol=POLISHED, norm=optx.max_norm, linear_solver=solver),
+        jnp.zeros_like(problem.start),
+        args=(problem, jax.lax.stop_gradient(variables)),
+        adjoint=optx.ImplicitAdjoint(linear_solver=solver),
+        tags=frozenset({lx.positive_semidefinite_tag}),
+        max_steps=30,
+        throw=False,
+    )
+    return variables.at(solution.value), solution.result == optx.RESULTS.successful
+
+
+@eqx.filter_jit
+def _energies(problem: LeastSquaresProblem, nodes: Float[Array, " d *nodes"]) -> Energies:
+    return problem.energies(nodes)
+
+
+def _objective_in_variables(
+    z: Float[Array, " d *nodes"], args: tuple[LeastSquaresProblem, Variables]
+) -> Float[Array, ""]:
+    problem, variables = args
+    return problem.objective(variables.at(z))

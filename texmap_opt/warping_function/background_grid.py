@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from texmap_opt.errors import WarpError
+from texmap_opt.warp.box import Box
 
 # Nodes beyond the box on each side. A cubic spline reads one node beyond its interval, and the
 # mirror condition at the grid's border fades by 0.27 per node: two leave 7 % of it at the box.
@@ -20,33 +21,32 @@ class BackgroundGrid:
     """Regular nodes covering a box, and `PADDING` nodes more on every side.
 
     Attributes:
-        box: lowest and highest corner of what is covered [mm].
-        origin: position of the first node [mm].
-        spacing: distance of neighbouring nodes along x, y, z [mm].
-        shape: number of nodes along x, y, z.
+        box: what is covered; its coordinates are those of the grid.
+        origin: coordinates of the first node [mm].
+        spacing: distance of neighbouring nodes along each axis [mm].
+        shape: number of nodes along each axis.
     """
 
-    box: Float[np.ndarray, "2 3"]
-    origin: Float[np.ndarray, " 3"]
-    spacing: Float[np.ndarray, " 3"]
-    shape: tuple[int, int, int]
+    box: Box
+    origin: Float[np.ndarray, " d"]
+    spacing: Float[np.ndarray, " d"]
+    shape: tuple[int, ...]
 
     @classmethod
-    def covering(cls, box: Float[np.ndarray, "2 3"], spacing_mm: float) -> "BackgroundGrid":
+    def covering(cls, box: Box, spacing_mm: float) -> "BackgroundGrid":
         """The grid whose spacing is the largest not above `spacing_mm` that divides each edge.
 
         Raises:
             WarpError: if the box is empty, or the grid would be too large.
         """
-        extent = box[1] - box[0]
-        if not np.all(extent > 0) or not spacing_mm > 0:
+        if not np.all(box.extent > 0) or not spacing_mm > 0:
             raise WarpError(
-                f"The box of the warp measures {extent[0]:g} x {extent[1]:g} x {extent[2]:g} mm "
+                f"The box of the warp measures {' x '.join(f'{x:g}' for x in box.extent)} mm "
                 f"and its background spacing {spacing_mm:g} mm; all must be positive: give the "
                 "part a volume, or take smaller cells."
             )
         # The small slack keeps rounding from adding an interval to an edge that divides evenly.
-        intervals = np.maximum(np.ceil(extent / spacing_mm - 1e-9).astype(int), 1)
+        intervals = np.maximum(np.ceil(box.extent / spacing_mm - 1e-9).astype(int), 1)
         nodes = intervals + 1 + 2 * PADDING
         if np.prod(nodes.astype(float)) > MAX_NODES:
             raise WarpError(
@@ -54,12 +54,19 @@ class BackgroundGrid:
                 f"{np.prod(nodes.astype(float)):.0f} nodes; the limit is {MAX_NODES}. "
                 "Smooth over a longer distance, or take larger cells."
             )
-        spacing = extent / intervals
-        shape = (int(nodes[0]), int(nodes[1]), int(nodes[2]))
-        return cls(box, box[0] - PADDING * spacing, spacing, shape)
+        spacing = box.extent / intervals
+        return cls(box, box.low - PADDING * spacing, spacing, tuple(int(n) for n in nodes))
 
     @property
-    def points(self) -> Float[np.ndarray, "*controls 3"]:
-        """Positions of all nodes [mm]."""
-        axes = [self.origin[d] + self.spacing[d] * np.arange(self.shape[d]) for d in range(3)]
+    def points(self) -> Float[np.ndarray, "*controls d"]:
+        """Coordinates of all nodes [mm]."""
+        axes = [
+            origin + h * np.arange(n)
+            for origin, h, n in zip(self.origin, self.spacing, self.shape, strict=True)
+        ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+    @property
+    def positions(self) -> Float[np.ndarray, "*controls 3"]:
+        """The nodes in space [mm]."""
+        return self.box.positions(self.points)

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.ndimage import spline_filter
 
 from texmap_opt.errors import WarpError
 from texmap_opt.warping_function.background_grid import BackgroundGrid
@@ -21,54 +20,67 @@ class CubicSpline(eqx.Module):
 
     Attributes:
         coefficients: of the basis functions, one channel per field.
-        origin: position of the first node [mm].
-        spacing: distance of neighbouring nodes along x, y, z [mm].
+        origin: coordinates of the first node [mm].
+        spacing: distance of neighbouring nodes along each axis [mm].
     """
 
     coefficients: Float[Array, "*controls _"]
-    origin: Float[Array, " 3"]
-    spacing: Float[Array, " 3"]
+    origin: Float[Array, " d"]
+    spacing: Float[Array, " d"]
 
     @classmethod
     def through(
-        cls, values: Float[np.ndarray, "*controls _"], grid: BackgroundGrid
+        cls, values: Float[Array | np.ndarray, "*controls _"], grid: BackgroundGrid
     ) -> "CubicSpline":
-        """The spline that takes `values` at the nodes of `grid`.
+        """The spline that takes `values` at the nodes of `grid`; linear in the values.
 
         Raises:
             WarpError: if JAX runs in single precision.
         """
-        coefficients = np.zeros(values.shape)
-        for channel in range(values.shape[-1]):
-            coefficients[..., channel] = spline_filter(
-                values[..., channel], order=3, output=np.float64, mode="mirror"
-            )
-        if jnp.zeros(()).dtype != jnp.float64:
+        if not jax.config.read("jax_enable_x64"):
             raise WarpError(
                 "Warps need double precision, but JAX runs in single precision: call "
                 'jax.config.update("jax_enable_x64", True) first.'
             )
-        return cls(jnp.asarray(coefficients), jnp.asarray(grid.origin), jnp.asarray(grid.spacing))
+        at = jnp.zeros((*grid.shape, 0)), jnp.asarray(grid.origin), jnp.asarray(grid.spacing)
+        return cls(*at).taking(jnp.asarray(values))
 
-    def __call__(self, points: Float[Array | np.ndarray, "samples 3"]) -> Float[Array, "samples _"]:
-        """Values at `points` [mm]; a point outside the grid takes the value at its border."""
+    def taking(self, values: Float[Array, "*controls _"]) -> "CubicSpline":
+        """The spline on the same grid that takes other values at its nodes."""
+        coefficients = values
+        for axis, n in enumerate(values.shape[:-1]):
+            interpolating = jnp.asarray(np.linalg.inv(_values_at_nodes(n)))
+            turned = jnp.tensordot(interpolating, coefficients, axes=(1, axis))
+            coefficients = jnp.moveaxis(turned, 0, axis)
+        return CubicSpline(coefficients, self.origin, self.spacing)
+
+    def __call__(self, points: Float[Array | np.ndarray, "samples d"]) -> Float[Array, "samples _"]:
+        """Values at coordinates `points` [mm]; outside the grid the value at its border."""
         *shape, channels = self.coefficients.shape
-        # Four basis functions act at a point, centred at its knots first - 1 .. first + 2.
+        # Four basis functions act along each axis, centred at its knots first - 1 .. first + 2.
         last = jnp.asarray(shape, dtype=jnp.float64)[None] - 2.0
         t = jnp.clip((jnp.asarray(points) - self.origin[None]) / self.spacing[None], 1.0, last)
         first = jnp.minimum(jnp.floor(jax.lax.stop_gradient(t)), last - 1.0)
-        basis = _cubic_basis(t - first)
-        tap = first.astype(int)[:, :, None] + jnp.arange(-1, 3)[None, None]
-        flat = ((tap[:, 0, :, None, None] * shape[1] + tap[:, 1, None, :, None]) * shape[2]) + tap[
-            :, 2, None, None, :
-        ]
-        near = self.coefficients.reshape(math.prod(shape), channels)[flat]
-        along_z = jnp.einsum("sxyzc,sz->sxyc", near, basis[:, 2])  # sample, knots, channel
-        along_y = jnp.einsum("sxyc,sy->sxc", along_z, basis[:, 1])
-        return jnp.einsum("sxc,sx->sc", along_y, basis[:, 0])
+        basis = cubic_basis(t - first)
+        taps = first.astype(int)[:, :, None] + jnp.arange(-1, 3)[None, None]
+        flat = jnp.zeros((len(t), *[1] * len(shape)), dtype=int)
+        for axis, n in enumerate(shape):
+            along = [-1 if k == axis else 1 for k in range(len(shape))]
+            flat = flat * n + taps[:, axis].reshape(len(t), *along)
+        value = self.coefficients.reshape(math.prod(shape), channels)[flat]
+        for axis in reversed(range(len(shape))):
+            value = jnp.einsum("s...tc,st->s...c", value, basis[:, axis])
+        return value
 
 
-def _cubic_basis(u: Float[Array, "samples 3"]) -> Float[Array, "samples 3 4"]:
+def _values_at_nodes(n: int) -> Float[np.ndarray, "controls controls"]:
+    """Values of the splines of one axis at its nodes; mirrored beyond the ends."""
+    B = (4 * np.eye(n) + np.eye(n, k=1) + np.eye(n, k=-1)) / 6
+    B[0, 1] = B[-1, -2] = 2 / 6
+    return B
+
+
+def cubic_basis(u: Float[Array, "samples d"]) -> Float[Array, "samples d 4"]:
     """The four uniform cubic B-splines that are not zero at the fraction u of a knot interval."""
     v = 1.0 - u
     return jnp.stack(

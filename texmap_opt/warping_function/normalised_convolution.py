@@ -1,10 +1,13 @@
 """From values at scattered points to a smooth field on a regular grid, defined everywhere."""
 
+import math
 from itertools import product
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Complex, Float
-from numpy.fft import irfftn, rfftn
+from jaxtyping import Array, Complex, Float, Int
 
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 
@@ -15,74 +18,108 @@ TAIL = 1e-3
 
 def normalised_convolution(
     grid: BackgroundGrid,
-    points: Float[np.ndarray, "samples 3"],
+    points: Float[np.ndarray, "samples d"],
     weights: Float[np.ndarray, " samples"],
-    values: Float[np.ndarray, "samples _"],
+    values: Float[Array | np.ndarray, "samples _"],
     *,
     smoothing_mm: float,
-) -> Float[np.ndarray, "*controls _"]:
-    """Weighted average of the samples around every node of `grid`.
+) -> Float[Array, "*controls _"]:
+    """Weighted average of the samples around every node of `grid`; linear in the values.
 
     u(x) = sum_i k(x - x_i) w_i u_i / sum_i k(x - x_i) w_i, with the kernel
     k(r) = exp(-r²/2σ²) + TAIL / (1 + r²/σ²)²: a Gaussian where there are samples, a power of the
     distance (Shepard's weights) where there are none. So the average smooths inside the part,
-    extends smoothly outside it, and never leaves the range of the samples.
+    extends smoothly outside it, and leaves the range of the samples by rounding only.
 
     Sources: Knutsson and Westin, "Normalized and differential convolution", CVPR 1993;
     Shepard, "A two-dimensional interpolation function for irregularly-spaced data", ACM 1968.
 
     Args:
         grid: where the field is wanted.
-        points: positions of the samples [mm]; one outside the grid counts at its border.
+        points: coordinates of the samples in the grid's box [mm]; one outside the grid counts at
+            its border.
         weights: volume each sample stands for [mm³].
         values: samples of any number of fields.
         smoothing_mm: σ, the standard deviation of the Gaussian [mm].
     """
-    known = np.concatenate([weights[:, None], weights[:, None] * values], axis=1)
-    sums = deposit(grid, points, known)
-    kernel = rfftn(_kernel(grid, smoothing_mm))
-    smooth = [_convolved(sums[..., channel], kernel) for channel in range(sums.shape[-1])]
-    average = np.stack(smooth[1:], axis=-1) / smooth[0][..., None]
-    # The quotient leaves the range of the samples by rounding only.
-    return np.clip(average, values.min(axis=0), values.max(axis=0))
+    node, part = _nodes_around(grid, points)
+    return _average(
+        (jnp.asarray(node), jnp.asarray(part)),
+        jnp.asarray(weights),
+        jnp.asarray(values),
+        jnp.asarray(_kernel(grid, smoothing_mm)),
+    )
 
 
 def deposit(
     grid: BackgroundGrid,
-    points: Float[np.ndarray, "samples 3"],
-    amounts: Float[np.ndarray, "samples _"],
-) -> Float[np.ndarray, "*controls _"]:
-    """Each sample's amount, shared by the eight nodes around it with trilinear weights."""
+    points: Float[np.ndarray, "samples d"],
+    amounts: Float[np.ndarray, " samples"],
+) -> Float[np.ndarray, "*controls"]:
+    """Each sample's amount, shared by the 2^d nodes around it with weights linear along each axis."""
+    node, part = _nodes_around(grid, points)
+    total = np.bincount(node.ravel(), (part * amounts).ravel(), minlength=math.prod(grid.shape))
+    return total.reshape(grid.shape)
+
+
+@eqx.filter_jit
+def _average(
+    around: tuple[Int[Array, "corners samples"], Float[Array, "corners samples"]],
+    weights: Float[Array, " samples"],
+    values: Float[Array, "samples _"],
+    kernel: Float[Array, "*_"],
+) -> Float[Array, "..."]:
+    """The average at the nodes: one compiled piece, where step by step it takes seconds to compile."""
+    shape = tuple(n // 2 for n in kernel.shape)
+    # Far from all samples the sums are small differences of large ones by the transform's rounding;
+    # about their mean the values are small themselves, and a constant stays one to the last digits.
+    mean = weights @ values / jnp.sum(weights)
+    known = weights[:, None] * jnp.concatenate([jnp.ones((len(values), 1)), values - mean[None]], 1)
+
+    def share(sums, corner):
+        node, part = corner
+        return sums.at[node].add(part[:, None] * known), None
+
+    start = jnp.zeros((math.prod(shape), known.shape[1]))
+    sums = jax.lax.scan(share, start, around)[0].reshape(*shape, -1)
+    transform = jnp.fft.rfftn(kernel)
+    smooth = jax.lax.map(lambda field: _convolved(field, transform), jnp.moveaxis(sums, -1, 0))
+    offset = jnp.moveaxis(smooth[1:] / smooth[0][None], 0, -1)
+    return offset + mean.reshape([1] * len(shape) + [-1])
+
+
+def _nodes_around(
+    grid: BackgroundGrid, points: Float[np.ndarray, "samples d"]
+) -> tuple[Int[np.ndarray, "corners samples"], Float[np.ndarray, "corners samples"]]:
+    """Flat numbers of the 2^d nodes around each point, and the point's share in each."""
     last = np.array(grid.shape) - 1.0
     t = np.clip((points - grid.origin) / grid.spacing, 0, last)
     first = np.minimum(t.astype(int), np.array(grid.shape) - 2)
     share = np.stack([1 - (t - first), t - first])  # lower and upper node, per axis
-    sums = np.zeros((int(np.prod(grid.shape)), amounts.shape[1]))
-    for corner in product((0, 1), repeat=3):
-        node = np.ravel_multi_index(tuple((first + np.array(corner)).T), grid.shape)
-        part = share[corner[0], :, 0] * share[corner[1], :, 1] * share[corner[2], :, 2]
-        for channel in range(amounts.shape[1]):
-            sums[:, channel] += np.bincount(
-                node, weights=part * amounts[:, channel], minlength=len(sums)
-            )
-    return sums.reshape(*grid.shape, -1)
+    corners = list(product((0, 1), repeat=len(grid.shape)))
+    node = [np.ravel_multi_index(tuple((first + np.array(c)).T), grid.shape) for c in corners]
+    part = [
+        np.prod([share[side, :, axis] for axis, side in enumerate(corner)], axis=0)
+        for corner in corners
+    ]
+    return np.stack(node), np.stack(part)
 
 
 def _convolved(
-    field: Float[np.ndarray, "*controls"], kernel: Complex[np.ndarray, "*samples"]
-) -> Float[np.ndarray, "*controls"]:
+    field: Float[Array, "*controls"], kernel: Complex[Array, "*samples"]
+) -> Float[Array, "*controls"]:
     """Convolution with a kernel given by its transform at twice the size, so it does not wrap."""
-    size, axes = [2 * n for n in field.shape], (0, 1, 2)
-    twice = irfftn(rfftn(field, size, axes) * kernel, size, axes)
-    return twice[: field.shape[0], : field.shape[1], : field.shape[2]]
+    size, axes = [2 * n for n in field.shape], tuple(range(field.ndim))
+    twice = jnp.fft.irfftn(jnp.fft.rfftn(field, size, axes) * kernel, size, axes)
+    return twice[tuple(slice(n) for n in field.shape)]
 
 
 def _kernel(grid: BackgroundGrid, smoothing_mm: float) -> Float[np.ndarray, "*samples"]:
     """The kernel at all differences of nodes, in the order of the discrete Fourier transform."""
-    size = [2 * n for n in grid.shape]
-    squared = np.zeros(size)
-    for axis, n in enumerate(size):
+    d = len(grid.shape)
+    squared = np.zeros([2 * n for n in grid.shape])
+    for axis, n in enumerate(squared.shape):
         steps = np.arange(n)
         distance = np.minimum(steps, n - steps) * grid.spacing[axis] / smoothing_mm
-        squared += (distance**2).reshape([-1 if d == axis else 1 for d in range(3)])
+        squared += (distance**2).reshape([-1 if k == axis else 1 for k in range(d)])
     return np.exp(-squared / 2) + TAIL / (1 + squared) ** 2

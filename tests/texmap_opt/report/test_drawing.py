@@ -68,6 +68,14 @@ def all_scenes() -> dict[str, Scene]:
     return {
         "load": LoadedPart(part, np.linspace(0, 50, 8), marks),
         "grid": WarpedGrid(nodes, sizes, np.ones(sizes.shape, bool), part),
+        "size-error": WarpedGrid(
+            nodes,
+            np.broadcast_to(np.linspace(0.5, 1.5, 8)[:, None, None], sizes.shape),
+            np.ones(sizes.shape, bool),
+            part,
+            quantity="achieved over\nwanted size",
+            middle=1.0,
+        ),
         "radius": Struts(joints, ends, radii, radii, "strut radius", "mm"),
         "utilisation": Struts(joints, ends, radii, use, "utilisation", "", 1.0),
         "cut": CutOpen(shell),
@@ -132,6 +140,14 @@ def test_struts_above_the_limit_are_red_and_others_are_not(drawn):
     image = pixels(drawn.pictures["utilisation"])[:, :950]
     red = (image[..., 0] > 150) & (image[..., 1:].max(axis=-1) < 60)
     assert red.sum() > 200
+
+
+def test_cells_too_small_are_blue_and_cells_too_large_red(drawn):
+    image = pixels(drawn.pictures["size-error"])[:, :950]
+    reddish = image[..., 0] - image[..., 2]
+    small, large = (np.argwhere(side)[:, 1].mean() for side in (reddish < -60, reddish > 60))
+    # The size grows along x, which lies along the width of the picture.
+    assert abs(large - small) > 300
 
 
 def test_a_unit_cell_is_drawn(tmp_path):

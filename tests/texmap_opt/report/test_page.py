@@ -8,8 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from texmap_opt.report.grid_layers import grid_layers
 from texmap_opt.report.page import write_page
-from texmap_opt.report.plots import PlotData
+from texmap_opt.report.plots import MOST_POLYGONS, PlotData
+from texmap_opt.solid.tri_mesh import TriMesh
+from texmap_opt.warp.box import Box
+from texmap_opt.warp.grid import Grid
 
 REPORT = {
     "version": "0.1.0",
@@ -42,6 +46,9 @@ REPORT = {
         "iterations": 41,
         "converged": True,
         "message": "",
+        "size_slope": 0.981,
+        "energy": {"warped": 0.62, "best": 0.5, "worst": 1.9, "share": 0.76},
+        "measures": {"gradient_norm": 3.2e-7},
     },
     "structure": {"cell": "octet", "cells": [16, 8, 4], "joints": 2525, "struts": 13184},
     "sizing": {
@@ -66,6 +73,7 @@ REPORT = {
 }
 
 RNG_SEED = 4
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 def plot_data() -> PlotData:
@@ -77,7 +85,21 @@ def plot_data() -> PlotData:
         lengths=rng.uniform(2, 4, 500),
         wanted_mm=size,
         achieved_mm=size * rng.uniform(0.9, 1.1, 200),
+        strut_angles_deg=rng.uniform(0, 90, 500),
+        strut_weights=rng.uniform(0, 1, 500),
+        turns_deg=rng.uniform(0, 20, 600),
+        turn_weights=rng.uniform(0, 1, 600),
+        unturned_deg=rng.uniform(0, 45, 600),
+        unturned_weights=rng.uniform(0, 1, 600),
+        layers=layers((4, 3, 5)),
     )
+
+
+def layers(cells):
+    grid = Grid.uniform(Box.aligned(np.array([[0.0, 0, 0], [4, 3, 5]])), cells)
+    part = TriMesh(np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0], [0, 0, 5]]), TETRAHEDRON)
+    values = np.linspace(0.7, 1.2, grid.cell_count)
+    return grid_layers(grid, values, np.arange(grid.cell_count) % 3 > 0, part)
 
 
 @pytest.fixture
@@ -131,7 +153,7 @@ def parsed(html: str) -> Loaded:
 
 
 def test_the_page_fetches_nothing_and_runs_nothing(tmp_path, picture):
-    names = ("load", "grid", "radius", "utilisation", "cut", "whole", "look", "other")
+    names = ("load", "grid", "size-error", "radius", "utilisation", "cut", "whole", "look", "other")
     html = written(tmp_path, REPORT, pictures=dict.fromkeys(names, picture), plots=plot_data())
     page = parsed(html)
     assert page.fetched
@@ -182,7 +204,8 @@ def test_numbers_have_units_and_sensible_digits(tmp_path):
 
 @pytest.mark.parametrize("absent", list(REPORT))
 def test_a_missing_section_is_left_out_and_the_rest_stays(tmp_path, absent):
-    html = written(tmp_path, {k: v for k, v in REPORT.items() if k != absent}, plots=plot_data())
+    some = PlotData(lengths=np.linspace(2, 4, 50), layers=layers((2, 1, 2))[:1])
+    html = written(tmp_path, {k: v for k, v in REPORT.items() if k != absent}, plots=some)
     parsed(html)
     assert ("octet" in html) == (absent != "structure")
 
@@ -197,6 +220,47 @@ def test_sizing_values_of_none_are_dashes_and_no_headline(tmp_path):
     parsed(html)
     assert "<th>compliance after</th><td>–</td>" in html
     assert "before sizing" not in html
+
+
+def test_the_warp_shows_sizes_angles_energies_layers_and_how_it_ended(tmp_path):
+    html = written(tmp_path, REPORT, plots=plot_data())
+    section = html[html.index("<h2>Warp</h2>") : html.index("<h2>Structure</h2>")]
+    for text in (
+        "slope of achieved over wanted (log)</th><td>0.981</td>",
+        "share of the attainable gain</th><td>76 %</td>",
+        "gradient norm</th><td>3.20 × 10<sup>-7</sup></td>",
+    ):
+        assert text in section
+    assert section.count("<svg") == 3 + 3
+    for axis in ("first", "second", "third"):
+        assert f"seen along the grid's {axis} axis" in section
+
+
+def test_without_a_stress_there_are_no_angles_and_no_energies(tmp_path):
+    data = plot_data()
+    sizes = PlotData(wanted_mm=data.wanted_mm, achieved_mm=data.achieved_mm)
+    warp = REPORT["warp"] | {"energy": dict.fromkeys(REPORT["warp"]["energy"]), "turn_deg": None}
+    html = written(tmp_path, REPORT | {"warp": warp}, plots=sizes)
+    parsed(html)
+    assert "Strain energy of the cells" not in html
+    assert "nearest principal axis [" not in html
+    assert "achieved over wanted cell size" in html
+
+
+def test_a_layer_of_very_many_cells_is_a_picture_in_the_plot(tmp_path):
+    """One polygon a cell would make the page heavy."""
+    n = int(np.sqrt(MOST_POLYGONS)) + 1
+    many = layers((2, n, n))[:1]
+    html = written(tmp_path, {}, plots=PlotData(layers=many))
+    page = parsed(html)
+    assert any(source.startswith("data:image/png") for source in page.fetched)
+    assert len(html) < 400_000
+
+
+def test_one_size_for_all_cells_has_plots_too(tmp_path):
+    same = np.full(20, 2.5)
+    achieved = np.where(np.arange(20) == 3, np.nan, same)
+    parsed(written(tmp_path, {}, plots=PlotData(wanted_mm=same, achieved_mm=achieved)))
 
 
 def test_a_missing_picture_says_why(tmp_path, picture):

@@ -54,6 +54,16 @@ def test_compact_keeps_positions_and_drops_the_rest():
     np.testing.assert_array_equal(small.vertices[small.faces], SQUARE.vertices[SQUARE.faces[1:]])
 
 
+def test_a_scale_round_a_middle_reaches_equally_far_to_both_sides():
+    assert colour_range(np.array([0.8, 1.0, 1.5]), middle=1.0)[:2] == pytest.approx(
+        (0.5, 1.5), 0.01
+    )
+    # Rounding is not shown as an error.
+    assert colour_range(np.array([1.0, 1.0 + 1e-9]), middle=1.0) == (0.95, 1.05, None)
+    low, high, peak = colour_range(np.append(np.full(999, 1.1), 4.0), middle=1.0)
+    assert (low, high, peak) == pytest.approx((0.9, 1.1, 4.0))
+
+
 def test_all_points_appear_in_the_frame_and_two_touch_it():
     points = np.random.default_rng(1).uniform(-1, 1, (500, 3)) * [50, 10, 20]
     frame = Frame(left=0.1, right=0.7, bottom=0.2, top=0.9)

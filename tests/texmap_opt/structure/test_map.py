@@ -5,7 +5,7 @@ import pytest
 
 from texmap_opt.cells.catalogue import cell_names, unit_cell
 from texmap_opt.errors import CaseError
-from texmap_opt.structure.map import cell_sizes, map_structure, trilinear
+from texmap_opt.structure.map import cell_sizes, map_structure, multilinear
 from texmap_opt.structure.tile import tile
 
 
@@ -40,7 +40,7 @@ def test_every_cell_sharing_a_joint_puts_it_in_the_same_place():
     s = map_structure(unit_cell("octet"), grid, 0.5)
     for side in (np.floor(net.joints), np.ceil(net.joints) - 1):
         cell = np.clip(side, 0, np.array(net.shape) - 1).astype(np.int64)
-        again = trilinear(grid, cell, net.joints - cell)
+        again = multilinear(grid, cell, net.joints - cell)
         np.testing.assert_allclose(again, s.joints, atol=1e-12)
 
 

@@ -1,0 +1,107 @@
+"""How the wanted size follows from f: exponent, contrast, and the window of the contrast limit."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from texmap_opt.errors import WarpError
+
+# Sharpness of the contrast limit v (1 + |v/L|^8)^(-1/8): at half the limit v is left alone to
+# 0.05 %, at the limit it is cut to 92 %, and all derivatives the solver takes exist.
+LIMIT_POWER = 8
+
+# The limit's window is centred between these quantiles of log f over the part's volume: half the
+# range would follow a single stress concentration, the mean would cut a skewed field on one side.
+WINDOW_QUANTILES = (0.05, 0.95)
+
+# Width over which a value counts as below a quantile, in log f: 5 % of f. Without it the quantile
+# has kinks wherever two nodes change their order, and no derivative that a difference confirms.
+QUANTILE_BLUR = 0.05
+
+# Halvings of the interval that holds a quantile: 2^-60 of the range of log f.
+HALVINGS = 60
+
+
+class SizeLaw(eqx.Module):
+    """How the wanted size follows from f; both numbers may be traced by JAX.
+
+    Attributes:
+        exponent: size ~ f^-exponent; positive.
+        contrast: bound on the largest over the smallest wanted size; at least 1.
+    """
+
+    exponent: float | Float[Array, ""] = 1.0
+    contrast: float | Float[Array, ""] = 3.0
+
+    def __check_init__(self) -> None:
+        if known(self.exponent) and not 0 < float(self.exponent) < np.inf:
+            raise WarpError(
+                f"The warp's exponent is {float(self.exponent):g}, but must be a positive number: "
+                'give one (1 is usual), or use the method "uniform".'
+            )
+        if known(self.contrast) and not 1 <= float(self.contrast) < np.inf:
+            raise WarpError(
+                f"The warp's contrast is {float(self.contrast):g}, but is the ratio of the largest "
+                "to the smallest cell and must be at least 1: give a number such as 3."
+            )
+
+    @property
+    def limit(self) -> Float[Array, ""]:
+        """L: half the width of the window of log f."""
+        # 1e-9 instead of zero for contrast 1: constant to nine digits and no division by zero.
+        return jnp.maximum(jnp.log(self.contrast) / (2.0 * jnp.asarray(self.exponent)), 1e-9)
+
+
+def known(value: object) -> bool:
+    """Whether a number or array has its value now, and is not traced by a transformation of JAX."""
+    return not isinstance(value, Tracer)
+
+
+def limited(v: Float[Array, " *_"], limit: Float[Array, ""]) -> Float[Array, " *_"]:
+    """The smooth limit l(v) = v (1 + |v/L|^8)^(-1/8), below L in size."""
+    return v * (1.0 + (v / limit) ** LIMIT_POWER) ** (-1.0 / LIMIT_POWER)
+
+
+def window_centre(
+    log_f: Float[Array, "*controls"],
+    importance: Float[Array, "*controls"],
+    limit: Float[Array, ""],
+) -> Float[Array, ""]:
+    """The centre c of the window [c - L, c + L] of log f that the contrast limit leaves alone.
+
+    Half way between two quantiles over the part's volume; moved by as much as it takes not to cut
+    anything where the whole range of log f fits, and not to reach beyond the range where it does not.
+    """
+    values, volume = log_f.reshape(-1), importance.reshape(-1)
+    low, high = (_quantile(values, volume, share) for share in WINDOW_QUANTILES)
+    ends = jnp.max(values) - limit, jnp.min(values) + limit
+    return jnp.clip((low + high) / 2.0, jnp.minimum(*ends), jnp.maximum(*ends))
+
+
+@eqx.filter_jit
+def _quantile(
+    values: Float[Array, " controls"], volume: Float[Array, " controls"], share: float
+) -> Float[Array, ""]:
+    """The value that `share` of the volume is below, blurred; differentiable in the values."""
+
+    def below(q, values):
+        return jnp.sum(volume * jax.nn.sigmoid((q - values) / QUANTILE_BLUR)) / jnp.sum(volume)
+
+    fixed = jax.lax.stop_gradient(values)
+    # Beyond both ends by enough that the blur is gone.
+    interval = jnp.min(fixed) - 40 * QUANTILE_BLUR, jnp.max(fixed) + 40 * QUANTILE_BLUR
+
+    def halve(_, interval):
+        low, high = interval
+        middle = (low + high) / 2
+        under = below(middle, fixed) < share
+        return jnp.where(under, middle, low), jnp.where(under, high, middle)
+
+    q, _ = jax.lax.fori_loop(0, HALVINGS, halve, interval)
+    # One step of Newton's method from the solution moves it by rounding only, and carries its
+    # derivative: that of the implicit function.
+    density = jax.grad(below)(q, fixed)
+    return q - (below(q, values) - share) / density
