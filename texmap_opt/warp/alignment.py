@@ -11,7 +11,7 @@ from fea.effective_stiffness import EffectiveStiffness
 from fea.voigt import vector
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.frames import rotations
-from texmap_opt.warping_function.warping_function import WarpingFunction
+from texmap_opt.warping_function.warping_function import WarpingFunction, deviatoric
 
 TARGETS = ("energy", "axes")
 
@@ -66,9 +66,12 @@ class NoShear(AbstractAlignment):
 
     Attributes:
         weight: w.
+        by_energy: whether places count by their stress, S its deviator, as they do in the strain
+            energy; or all the same, S its direction.
     """
 
     weight: Float[Array, ""]
+    by_energy: bool = eqx.field(default=False, static=True)
 
     def energy(
         self,
@@ -77,7 +80,9 @@ class NoShear(AbstractAlignment):
         points: Float[Array, "samples d"],
     ) -> Float[Array, ""]:
         """See `AbstractAlignment.energy`."""
-        A = _in_frame(_directions(edges), f.deviator(points))
+        d = edges.shape[-1]
+        S = deviatoric(f.stress(points)[..., :d, :d]) if self.by_energy else f.direction(points)
+        A = _in_frame(_directions(edges), S)
         pairs = [(i, j) for i in range(edges.shape[-1]) for j in range(i)]
         return 0.5 * self.weight * jnp.sum(jnp.stack([A[i][j] ** 2 for i, j in pairs]))
 
@@ -100,13 +105,14 @@ class EqualStretch(AbstractAlignment):
         points: Float[Array, "samples d"],
     ) -> Float[Array, ""]:
         """See `AbstractAlignment.energy`."""
-        A = _in_frame(_directions(edges), f.deviator(points))
+        d = edges.shape[-1]
+        A = _in_frame(_directions(edges), deviatoric(f.stress(points)[..., :d, :d]))
         diagonal = jnp.stack([A[i][i] ** 2 for i in range(edges.shape[-1])])
         return 0.5 * self.weight * jnp.sum(diagonal)
 
 
 class LeastEnergy(AbstractAlignment):
-    """The orientation of least strain energy sigma:S:sigma for any compliance S.
+    """The orientation of least strain energy sigma:S:sigma for any compliance S, by stress.
 
     In the frame nearest to the cell's edges (`rotations`). Of S only what turning changes is kept:
     its isotropic part is replaced by the least that keeps the energy from being negative, and the
@@ -150,7 +156,8 @@ def alignment_for(
 
     The energy of a cubic cell is a constant plus 1/2 (s11 - s12 - s44/2) sum of sigma_ii² in its
     frame: axes along the principal stresses are its stiffest orientation where the Zener ratio is
-    below 1 (`NoShear`), and its softest where it is above (`EqualStretch`).
+    below 1 (`NoShear`), and its softest where it is above (`EqualStretch`). Places count by their
+    stress: those that hardly carry must not drag the others off their best direction.
 
     Args:
         target: "axes": cell axes along the principal stresses; "energy": the orientation in which
@@ -181,7 +188,7 @@ def alignment_for(
     if turning is None:
         return Unaligned()
     if dimensions == 3 and stiffness.departure_from_cubic < CUBIC:
-        return EqualStretch(w) if stiffness.zener_ratio > 1 else NoShear(w)
+        return EqualStretch(w) if stiffness.zener_ratio > 1 else NoShear(w, by_energy=True)
     return LeastEnergy(w, jnp.asarray(turning))
 
 

@@ -204,7 +204,7 @@ def log_fit(
 
 
 def stresses(grid: Grid, f: WarpingFunction) -> Float[np.ndarray, "cases cells d d"]:
-    """The normalised stress at the centre of each cell, in two dimensions what is in the plane."""
+    """The smoothed stress at the centre of each cell over its root mean square, in the plane in 2-D."""
     d = grid.dimensions
     return np.concatenate(_in_chunks(lambda points: f.stress(points)[..., :d, :d], grid), axis=1)
 

@@ -37,7 +37,8 @@ class WarpedGrid:
         method, iterations, converged, message, measures: see `WarpResult`.
         quality: its measures; without energies, see `with_energies`.
         wanted_size: wanted size at the centre of each cell, relative to a uniform cell.
-        stress: normalised stress there, along the axes of the box; no cases where none is known.
+        stress: there, over its root mean square in the part, along the axes of the box; no cases
+            where none is known.
         occupied_mm3: volume of the part in each cell [mm³].
     """
 

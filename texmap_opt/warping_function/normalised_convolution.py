@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Int
+from scipy.ndimage import gaussian_filter
 
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 
@@ -60,6 +61,24 @@ def deposit(
     node, part = _nodes_around(grid, points)
     total = np.bincount(node.ravel(), (part * amounts).ravel(), minlength=math.prod(grid.shape))
     return total.reshape(grid.shape)
+
+
+def presence(
+    grid: BackgroundGrid,
+    points: Float[np.ndarray, "samples d"],
+    weights: Float[np.ndarray, " samples"],
+    *,
+    smoothing_mm: float,
+) -> Float[np.ndarray, "*controls"]:
+    """1 where samples are, falling to 0 within a smoothing length or two of the last of them.
+
+    Twice the samples' smoothed density over its mean among them, at most 1: at the flat surface of a
+    part, where half the neighbourhood is empty, it is still 1.
+    """
+    amount = deposit(grid, points, weights)
+    smooth = gaussian_filter(amount, smoothing_mm / grid.spacing, mode="constant")
+    typical = np.sum(smooth * amount) / np.sum(amount)
+    return np.minimum(1.0, 2.0 * smooth / typical)
 
 
 @eqx.filter_jit

@@ -13,7 +13,11 @@ from fea.voigt import principal_values, turned_stress, von_mises
 from texmap_opt.errors import WarpError, nearest_name
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 from texmap_opt.warping_function.driven_field import DrivenField
-from texmap_opt.warping_function.normalised_convolution import deposit, normalised_convolution
+from texmap_opt.warping_function.normalised_convolution import (
+    deposit,
+    normalised_convolution,
+    presence,
+)
 from texmap_opt.warping_function.size_law import known
 
 # Stress below this part of its root mean square over the volume carries no information: it is
@@ -103,9 +107,11 @@ def stress_driver(
 ) -> DrivenField:
     """The field of a stress: log f from a measure of it, and the stress itself for turning cells.
 
-    log f and the normalised stress of every case are averaged over a Gaussian neighbourhood and
-    extended beyond the part (`normalised_convolution`). Averaging the logarithm, a stress
-    concentration of a few nodes does not decide for its whole neighbourhood.
+    log f and the stress of every case, over its root mean square in the part, are averaged over a
+    Gaussian neighbourhood and extended beyond the part (`normalised_convolution`). Averaging the
+    logarithm, a stress concentration of a few nodes does not decide for the size of its whole
+    neighbourhood; averaging the stress itself, a neighbourhood that carries little does not decide
+    for the direction of one that carries much. The stress fades where the part ends (`presence`).
 
     Args:
         samples: stress at points in the part.
@@ -136,7 +142,10 @@ def stress_driver(
         grid, points, samples.volumes, fields, smoothing_mm=smoothing_mm
     )
     importance = deposit(grid, points, samples.volumes)
-    return DrivenField(smooth[..., 0], importance, smooth[..., 1:])
+    # Cells outside the part carry nothing: their direction must not compete with that of the others.
+    # The root, since energies go with the square of the stress.
+    inside = np.sqrt(presence(grid, points, samples.volumes, smoothing_mm=smoothing_mm))
+    return DrivenField(smooth[..., 0], importance, smooth[..., 1:] * inside[..., None])
 
 
 def _require_drive(
@@ -170,23 +179,14 @@ def _fields(
     volumes: Float[Array, " samples"],
     axes: Float[Array, "3 3"],
 ) -> Float[Array, "samples _"]:
-    """What is averaged: log f, and the normalised stress along the axes, all cases side by side."""
+    """What is averaged: log f, and the stress along the axes over its root mean square, case by case."""
     rms = jnp.sqrt(jnp.average(f**2, weights=volumes))
     log_f = jnp.log(jnp.maximum(f, STRESS_FLOOR * rms))
-    directions = _normalised(turned_stress(stress, axes[None, None]), volumes)
-    return jnp.concatenate([log_f[:, None], directions], axis=1)
-
-
-def _normalised(
-    stress: Float[Array, "cases samples 6"], volumes: Float[Array, " samples"]
-) -> Float[Array, "samples _"]:
-    """N_c = sigma_c / sqrt(sum over the cases of |sigma|² + floor²), all cases side by side.
-
-    One scale for all cases at a point: the case with more stress there has more say.
-    """
     squared = jnp.sum(_squared_norm(stress), axis=0)
-    floor = STRESS_FLOOR**2 * jnp.average(squared, weights=volumes)
-    return jnp.concatenate(list(stress / jnp.sqrt(squared + floor)[None, :, None]), axis=1)
+    along = turned_stress(stress, axes[None, None]) / jnp.sqrt(
+        jnp.average(squared, weights=volumes)
+    )
+    return jnp.concatenate([log_f[:, None], *along], axis=1)
 
 
 def _squared_norm(stress: Float[Array, "cases samples 6"]) -> Float[Array, "cases samples"]:

@@ -19,6 +19,11 @@ from texmap_opt.warping_function.size_law import SizeLaw, known, limited, window
 MIN_QUADRATURE, MAX_QUADRATURE = 16, 64
 
 
+# Stress below this part of its root mean square in the part has no direction: it is discretisation
+# error there.
+DIRECTION_FLOOR = 1e-2
+
+
 class WarpingFunction(eqx.Module):
     """A smooth scalar f > 0, the size of cell it asks for, and the stress that turns the cells.
 
@@ -31,8 +36,9 @@ class WarpingFunction(eqx.Module):
 
     Attributes:
         log_f: spline of log f.
-        stress_field: spline of the smoothed normalised stress; channels are cases x Voigt (order
-            of `fea`), along the axes of the box. No channels where f was painted.
+        stress_field: spline of the smoothed stress over its root mean square in the part; channels
+            are cases x Voigt (order of `fea`), along the axes of the box. No channels where f was
+            painted.
         centre: c.
         limit: L.
         exponent: of the size law.
@@ -62,8 +68,8 @@ class WarpingFunction(eqx.Module):
             grid: the background grid.
             log_f: logarithm of f.
             law: exponent and contrast.
-            stress: normalised stress along the box's axes, six Voigt components per load case;
-                None: there is none, and nothing to turn the cells by.
+            stress: along the box's axes, over its root mean square in the part, six Voigt components
+                per load case; None: there is none, and nothing to turn the cells by.
             importance: volume of the part at each node, which places the window of the contrast
                 limit; None: everywhere the same.
 
@@ -123,22 +129,29 @@ class WarpingFunction(eqx.Module):
     def stress(
         self, points: Float[Array | np.ndarray, "samples d"]
     ) -> Float[Array, "cases samples 3 3"]:
-        """The smoothed normalised stress at `points` [mm], along the axes of the box.
+        """The smoothed stress at `points` [mm] over its root mean square in the part.
 
-        The sum over the load cases of the squared norms is at most 1; small where there is next to
-        no stress.
+        Along the axes of the box; the root mean square is that of the norm of all load cases
+        together. Fades where the part ends.
         """
         voigt = self.stress_field(points)
         return jnp.moveaxis(tensor(voigt.reshape(voigt.shape[0], self.cases, 6)), 1, 0)
 
-    def deviator(
+    def direction(
         self, points: Float[Array | np.ndarray, "samples d"]
     ) -> Float[Array, "cases samples d d"]:
-        """What of `stress` has directions, S: without its mean, in two dimensions in the plane."""
+        """The direction of the stress, whatever its size: S = dev sigma / sqrt(|sigma|² + floor²).
+
+        In two dimensions what is in the plane. |sigma| is the norm of all load cases together, so a
+        case with more stress at a point has more say there. Small where the stress is isotropic and
+        where there is next to none.
+        """
+        stress = self.stress(points)
+        squared = jnp.sum(stress**2, axis=(0, 2, 3))
+        scale = jnp.sqrt(squared + DIRECTION_FLOOR**2)
         d = self.log_f.origin.shape[0]
-        inside = self.stress(points)[..., :d, :d]
-        mean = jnp.trace(inside, axis1=-2, axis2=-1)[..., None, None] / d
-        return inside - mean * jnp.eye(d)[None, None]
+        inside = stress[..., :d, :d] / scale[None, :, None, None]
+        return deviatoric(inside)
 
     def softened(self, share: float) -> "WarpingFunction":
         """The function whose wanted size is this one's to the power `share`."""
@@ -181,6 +194,13 @@ def _built(
     d = midpoints.shape[1]
     log_scale = -jnp.log(jnp.mean(function.size(midpoints) ** -d)) / d
     return eqx.tree_at(lambda function: function.log_scale, function, log_scale)
+
+
+def deviatoric(stress: Float[Array, "*_ d d"]) -> Float[Array, "*_ d d"]:
+    """Tensors without their mean normal component."""
+    d = stress.shape[-1]
+    mean = jnp.trace(stress, axis1=-2, axis2=-1) / d
+    return stress - mean[..., None, None] * jnp.eye(d).reshape([1] * (stress.ndim - 2) + [d, d])
 
 
 def require_positive(f: Float[np.ndarray, "*_"]) -> None:

@@ -92,7 +92,7 @@ def test_energies_are_half_the_sums_of_squares_of_the_residuals(d):
         size += 0.5 * 10.0 * np.sum((np.sqrt(B) - 1 / np.sqrt(B)) ** 2)
         mean = edge_matrix(x, cell, [0.5] * d) / h
         unit = mean / np.linalg.norm(mean, axis=0)
-        for S in np.asarray(problem.f.deviator(centre))[:, 0]:
+        for S in np.asarray(problem.f.direction(centre))[:, 0]:
             A = unit.T @ S @ unit
             turned += 0.5 * 7.0 * sum(A[i, j] ** 2 for i in range(d) for j in range(i))
     moved = (
