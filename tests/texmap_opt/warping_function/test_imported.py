@@ -163,7 +163,8 @@ def test_a_csv_of_points_drives_by_scalar_or_tensor(tmp_path, own):
     path.write_text(table(columns))
     # Weights by density instead of cells: points on the part's faces count up to 3 times as much.
     np.testing.assert_allclose(function(read(path)).size(SIZED), own.size(SIZED), rtol=0.05)
-    np.testing.assert_allclose(function(read(path)).stress(SIZED), own.stress(SIZED), atol=0.05)
+    there = function(read(path)).direction(SIZED)
+    np.testing.assert_allclose(there, own.direction(SIZED), atol=0.05)
     by_scalar = function(read(path, "S_Mises"))
     np.testing.assert_allclose(by_scalar.size(SIZED), function(read(path)).size(SIZED), rtol=1e-9)
 
