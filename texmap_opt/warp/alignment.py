@@ -11,7 +11,7 @@ from fea.effective_stiffness import EffectiveStiffness
 from fea.voigt import vector
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.frames import rotations
-from texmap_opt.warping_function.warping_function import WarpingFunction, deviatoric
+from texmap_opt.warping_function.warping_function import WarpingFunction
 
 TARGETS = ("energy", "axes")
 
@@ -80,8 +80,7 @@ class NoShear(AbstractAlignment):
         points: Float[Array, "samples d"],
     ) -> Float[Array, ""]:
         """See `AbstractAlignment.energy`."""
-        d = edges.shape[-1]
-        S = deviatoric(f.stress(points)[..., :d, :d]) if self.by_energy else f.direction(points)
+        S = f.deviator(points) if self.by_energy else f.direction(points)
         A = _in_frame(_directions(edges), S)
         pairs = [(i, j) for i in range(edges.shape[-1]) for j in range(i)]
         return 0.5 * self.weight * jnp.sum(jnp.stack([A[i][j] ** 2 for i, j in pairs]))
@@ -105,8 +104,7 @@ class EqualStretch(AbstractAlignment):
         points: Float[Array, "samples d"],
     ) -> Float[Array, ""]:
         """See `AbstractAlignment.energy`."""
-        d = edges.shape[-1]
-        A = _in_frame(_directions(edges), deviatoric(f.stress(points)[..., :d, :d]))
+        A = _in_frame(_directions(edges), f.deviator(points))
         diagonal = jnp.stack([A[i][i] ** 2 for i in range(edges.shape[-1])])
         return 0.5 * self.weight * jnp.sum(diagonal)
 
@@ -181,15 +179,18 @@ def alignment_for(
         return NoShear(w)
     if stiffness is None:
         raise WarpError('The alignment\'s target "energy" needs the stiffness of the unit cell.')
-    S = stiffness.compliance
-    if dimensions == 2:
-        S = S[np.ix_(IN_PLANE, IN_PLANE)]
-    turning = _turning_part(S)
+    turning = _turning_part(turned_compliance(stiffness, dimensions))
     if turning is None:
         return Unaligned()
     if dimensions == 3 and stiffness.departure_from_cubic < CUBIC:
         return EqualStretch(w) if stiffness.zener_ratio > 1 else NoShear(w, by_energy=True)
     return LeastEnergy(w, jnp.asarray(turning))
+
+
+def turned_compliance(stiffness: EffectiveStiffness, dimensions: int) -> Float[np.ndarray, "_ _"]:
+    """The compliance that turning a cell turns: all of it, in two dimensions what is in the plane."""
+    S = stiffness.compliance
+    return S if dimensions == 3 else S[np.ix_(IN_PLANE, IN_PLANE)]
 
 
 def _turning_part(S: Float[np.ndarray, "_ _"]) -> Float[np.ndarray, "_ _"] | None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import equinox as eqx
@@ -88,7 +89,7 @@ class LeastSquares(AbstractWarp):
             "objective": sum(parts.values()),
             **{f"objective_{name}": part for name, part in parts.items()},
         }
-        moved = grid.with_nodes(np.asarray(jnp.moveaxis(end.nodes, 0, -1)))
+        moved = end.moved(grid)
         if problem.surface is not None:
             measures |= vars(problem.surface.measure(moved))
         converged = end.gain < self.gtol
@@ -149,17 +150,17 @@ class LeastSquares(AbstractWarp):
         for share in _shares(levels[0], f)[:-1]:
             problem = self._problem(levels[0], f.softened(share))
             nodes = _descend(problem, levels[0], nodes, on_the_way, self.max_steps).nodes
-        for level in levels[:-1]:
+        for level, finer in pairwise(levels):
             problem = self._problem(level, f)
             end = _descend(problem, level, nodes, on_the_way, self.max_steps)
-            nodes = prolonged(end.nodes, levels[levels.index(level) + 1])
+            nodes = prolonged(end.nodes, finer)
         problem = self._problem(grid, f)
         end = _descend(problem, grid, nodes, self.gtol, self.max_steps)
         if self.surface is None:
             return end, problem
         # Which nodes are near the surface shows only now.
-        reached = grid.with_nodes(np.asarray(jnp.moveaxis(end.nodes, 0, -1)))
-        problem = self._problem(grid, f, Conforming.of(reached, self.surface, self.surface_weight))
+        surface = Conforming.of(end.moved(grid), self.surface, self.surface_weight)
+        problem = self._problem(grid, f, surface)
         return _descend(problem, grid, end.nodes, self.gtol, self.max_steps), problem
 
 
@@ -177,6 +178,10 @@ class _Minimum(eqx.Module):
     steps: int
     objective: float
     gradient_norm: float
+
+    def moved(self, grid: Grid) -> Grid:
+        """The grid with its nodes where the search ended."""
+        return grid.with_nodes(np.asarray(jnp.moveaxis(self.nodes, 0, -1)))
 
     @property
     def gain(self) -> float:

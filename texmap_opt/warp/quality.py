@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from fea.effective_stiffness import EffectiveStiffness
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.alignment import IN_PLANE
+from texmap_opt.warp.alignment import turned_compliance
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.frames import rotations
 from texmap_opt.warp.grid import Grid
@@ -316,9 +316,7 @@ def energies(
     counts = counts if weights is None else counts * weights
     if stiffness is None or not (counts * np.abs(stress).sum(axis=(0, 2, 3))).any():
         return dict.fromkeys(names)
-    compliance = stiffness.compliance
-    if grid.dimensions == 2:
-        compliance = compliance[np.ix_(IN_PLANE, IN_PLANE)]
+    compliance = turned_compliance(stiffness, grid.dimensions)
     energy = energy_share(compliance, stress, frames(grid), counts)
     of = (energy.warped, energy.best, energy.worst)
     relative = [value / energy.uniform for value in of]

@@ -147,11 +147,22 @@ class WarpingFunction(eqx.Module):
         where there is next to none.
         """
         stress = self.stress(points)
-        squared = jnp.sum(stress**2, axis=(0, 2, 3))
-        scale = jnp.sqrt(squared + DIRECTION_FLOOR**2)
+        scale = jnp.sqrt(jnp.sum(stress**2, axis=(0, 2, 3)) + DIRECTION_FLOOR**2)
+        return self._deviator_of(stress) / scale[None, :, None, None]
+
+    def deviator(
+        self, points: Float[Array | np.ndarray, "samples d"]
+    ) -> Float[Array, "cases samples d d"]:
+        """`stress` without its mean normal component, in two dimensions what is in the plane."""
+        return self._deviator_of(self.stress(points))
+
+    def _deviator_of(
+        self, stress: Float[Array, "cases samples 3 3"]
+    ) -> Float[Array, "cases samples d d"]:
         d = self.log_f.origin.shape[0]
-        inside = stress[..., :d, :d] / scale[None, :, None, None]
-        return deviatoric(inside)
+        inside = stress[..., :d, :d]
+        mean = jnp.trace(inside, axis1=-2, axis2=-1)[..., None, None] / d
+        return inside - mean * jnp.eye(d)[None, None]
 
     def softened(self, share: float) -> "WarpingFunction":
         """The function whose wanted size is this one's to the power `share`."""
@@ -194,13 +205,6 @@ def _built(
     d = midpoints.shape[1]
     log_scale = -jnp.log(jnp.mean(function.size(midpoints) ** -d)) / d
     return eqx.tree_at(lambda function: function.log_scale, function, log_scale)
-
-
-def deviatoric(stress: Float[Array, "*_ d d"]) -> Float[Array, "*_ d d"]:
-    """Tensors without their mean normal component."""
-    d = stress.shape[-1]
-    mean = jnp.trace(stress, axis1=-2, axis2=-1) / d
-    return stress - mean[..., None, None] * jnp.eye(d).reshape([1] * (stress.ndim - 2) + [d, d])
 
 
 def require_positive(f: Float[np.ndarray, "*_"]) -> None:
