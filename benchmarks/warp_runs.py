@@ -254,7 +254,7 @@ def _problem(grid: Grid, f: WarpingFunction, warp: LeastSquares) -> LeastSquares
 def _objective(
     nodes: Float[Array, " d *nodes"], problem: LeastSquaresProblem
 ) -> tuple[Float[Array, ""], Float[Array, " d *nodes"]]:
-    return jax.value_and_grad(lambda nodes, problem: problem.objective(nodes))(nodes, problem)
+    return jax.value_and_grad(lambda nodes, problem: problem.energies(nodes).total)(nodes, problem)
 
 
 def _minimised(problem: LeastSquaresProblem, grid: Grid, target: float) -> OptimizeResult:

@@ -83,6 +83,13 @@ class Sizing:
         )
         return cls(points, tets[volume > FLAT_VOLUME * longest**3], values)
 
+    @property
+    def tets_wanted(self) -> float:
+        """Integral of 1/edge³ over the background: proportional to the tets it asks for, and more."""
+        a, b, c, d = np.moveaxis(self.nodes[self.tets], 1, 0)
+        volumes = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)) / 6
+        return float((volumes * (1 / self.edge[self.tets] ** 3).mean(axis=1)).sum())
+
     def scaled(self, factor: float) -> "Sizing":
         """The same field with every edge multiplied."""
         return Sizing(self.nodes, self.tets, self.edge * factor)

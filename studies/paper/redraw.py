@@ -21,7 +21,7 @@ from texmap_opt.combine.part_with_lattice import plate_result, rod_result
 from texmap_opt.errors import TexmapError
 from texmap_opt.part import Part, read_surface
 from texmap_opt.report.drawing import draw
-from texmap_opt.report.scenes import CutOpen, Scene, Struts, WarpedGrid, Whole, cell_sizes
+from texmap_opt.report.scenes import CutOpen, Scene, Struts, WarpedGrid, Whole
 from texmap_opt.solid.float32_solid import printable_mesh
 from texmap_opt.solid.lattice_solid import lattice_solid
 from texmap_opt.solid.tri_mesh import TriMesh
@@ -30,6 +30,7 @@ from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.trim import trim
 from texmap_opt.warp.box import Box
+from texmap_opt.warp.cell_volumes import equivalent_edges
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
 from texmap_opt.warp.quality import quality
@@ -154,7 +155,7 @@ def figure_7(sheet: Sheet) -> None:
     for name, f in (("spot", spot((35, 60, 2.5), 14, 6)), ("ring", ring((50, 50), 28, 8, 5))):
         for warp in (SuccessiveApproximation(), LeastSquares()):
             moved, remark = warped(grid, f, warp, contrast=4.0)
-            size = cell_sizes(slab(moved))
+            size = equivalent_edges(slab(moved))
             scene = WarpedGrid(slab(moved), size, np.ones(size.shape, bool), box_surface(box))
             method = type(warp).__name__
             row = Row("7", f"grid under a painted {name}, {method}", "20 x 20", remark=remark)

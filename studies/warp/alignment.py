@@ -8,21 +8,19 @@ load cases at once: the same bending in the xz plane, or turned about z. Writes 
 results/alignment.md and docs/images/warp_alignment.png, warp_two_cases.png.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from drawn_grids import draw_grid, panels, save
 from jaxtyping import Float
-from kept_results import IMAGES, KeptResults, Row, markdown
+from kept_results import IMAGES, Row, markdown, started
 from matplotlib.axes import Axes
 
 from texmap_opt.warp.alignment import NoShear
 from texmap_opt.warp.box import Box
-from texmap_opt.warp.certificate import grid_coefficients
+from texmap_opt.warp.cell_volumes import cell_volumes
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
 from texmap_opt.warp.orientation import best_energy, strain_energy
@@ -165,7 +163,7 @@ def measure(trial: Trial) -> Row:
     planes = [plane for _, plane in LOADS[trial.loads]]
     stress = np.stack([case(grid.centres) for case, _ in LOADS[trial.loads]])
     first, along_x = first_axes(grid), np.broadcast_to(np.eye(3)[0], (grid.cell_count, 3))
-    volumes = grid_coefficients(grid).mean(axis=1)
+    volumes = cell_volumes(grid.nodes).reshape(-1)
     angles = [in_plane_angles(first, s, p) for s, p in zip(stress, planes, strict=True)]
     before = [in_plane_angles(along_x, s, p) for s, p in zip(stress, planes, strict=True)]
     uniform = np.broadcast_to(np.eye(3), (grid.cell_count, 3, 3))
@@ -244,10 +242,7 @@ def draw_two_cases(rows: dict[str, Row]) -> None:
 
 def main() -> None:
     """Measure what is not known yet; write the table and the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--again", action="store_true", help="do not keep earlier results")
-    jax.config.update("jax_enable_x64", True)
-    kept = KeptResults("alignment", again=parser.parse_args().again)
+    kept, _ = started("alignment", __doc__)
     lines = []
     for trial in trials():
         row = kept.row(trial.key, lambda trial=trial: measure(trial))

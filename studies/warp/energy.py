@@ -9,15 +9,14 @@ endless lattice in the frame of the cell the node lies in: turning alone, at equ
 Writes results/energy.json, results/energy.md and docs/images/warp_energy.png.
 """
 
-import argparse
 from dataclasses import dataclass
+from functools import cache, partial
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from drawn_grids import panels, save
 from jaxtyping import Float, Int
-from kept_results import IMAGES, KeptResults, Row, markdown
+from kept_results import IMAGES, Row, markdown, started
 from part_stress import PartStress, builtin_stress
 
 from fea.effective_stiffness import EffectiveStiffness
@@ -125,7 +124,7 @@ def cell_of(grid: Grid, points: Float[np.ndarray, "samples 3"]) -> Int[np.ndarra
     found = grid_coordinates(grid, points)
     if not found.found.all():
         raise RuntimeError(f"{int((~found.found).sum())} points of the part lie in no cell.")
-    return np.ravel_multi_index(tuple(found.cell.T), grid.cells)
+    return np.asarray(np.ravel_multi_index(tuple(found.cell.T), grid.cells))
 
 
 def draw(rows: dict[str, Row]) -> None:
@@ -149,19 +148,15 @@ def draw(rows: dict[str, Row]) -> None:
 
 def main() -> None:
     """Measure what is not known yet; write the table and the figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--again", action="store_true", help="do not keep earlier results")
-    jax.config.update("jax_enable_x64", True)
-    kept = KeptResults("energy", again=parser.parse_args().again)
+    kept, _ = started("energy", __doc__)
     lines = []
     names = ("zener", "warped", "best", "worst")
     others = ("min_jacobian", "slope", "aspect", "steps", "gain")
     for part in PARTS:
-        unknown = any(trial.key not in kept.rows for trial in trials(part))
-        stressed = builtin_stress(part) if unknown else None
+        stressed = cache(partial(builtin_stress, part))
         for trial in trials(part):
             row = kept.row(
-                trial.key, lambda trial=trial, stressed=stressed: measure(trial, stressed)
+                trial.key, lambda trial=trial, stressed=stressed: measure(trial, stressed())
             )
             ended = "yes" if row["converged"] else "no"
             of = [part, trial.cell, f"{trial.contrast:g}", trial.turned, f"{trial.size_weight:g}"]

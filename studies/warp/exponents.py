@@ -6,19 +6,17 @@ f = F^((1 - cos 2 pi x) / 2) varies along x by a factor F and not across; 48 cel
 faces sliding. Writes results/exponents.json, results/exponents.md and docs/images/warp_exponents.png.
 """
 
-import argparse
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from drawn_grids import panels, save
 from jaxtyping import Float
-from kept_results import IMAGES, KeptResults, Row, markdown
+from kept_results import IMAGES, Row, markdown, started
 
 from texmap_opt.warp.box import Box
-from texmap_opt.warp.certificate import grid_coefficients
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
+from texmap_opt.warp.quality import achieved_sizes
 from texmap_opt.warp.successive_approximation import SuccessiveApproximation
 from texmap_opt.warp.warp import AbstractWarp
 from texmap_opt.warping_function.size_law import SizeLaw
@@ -83,7 +81,7 @@ def measure(trial: Trial) -> Row:
         trial.f, grid.box, spacing_mm=float(grid.uniform_edge[0]) / 2, law=law
     )
     result = trial.warp.fit(grid, f)
-    size = grid_coefficients(result.grid).mean(axis=1) ** (1 / trial.dimensions)
+    size = achieved_sizes(result.grid)
     corners = result.grid.nodes.reshape(-1, trial.dimensions)[grid.corners]
     edge = np.ptp(corners[..., 0], axis=1) / grid.uniform_edge[0]
     log_f = np.log(trial.f(result.grid.centres))
@@ -126,10 +124,7 @@ def draw(rows: dict[str, Row]) -> None:
 
 def main() -> None:
     """Measure what is not known yet; write the table and the figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--again", action="store_true", help="do not keep earlier results")
-    jax.config.update("jax_enable_x64", True)
-    kept = KeptResults("exponents", again=parser.parse_args().again)
+    kept, _ = started("exponents", __doc__)
     lines = []
     for trial in trials():
         row = kept.row(trial.key, lambda trial=trial: measure(trial))

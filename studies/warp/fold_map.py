@@ -9,15 +9,13 @@ each of the eight kinds as --fields says. Writes results/fold_map.json, results/
 results/fold_map_runs.md (every run of least squares) and docs/images/warp_fold_map.png.
 """
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
-import jax
 import numpy as np
 from drawn_grids import panels, save
-from kept_results import IMAGES, KeptResults, Row, markdown
+from kept_results import IMAGES, Row, markdown, started
 from scipy.ndimage import gaussian_filter
 
 from texmap_opt.warp.box import Box
@@ -214,12 +212,8 @@ def draw(rows: dict[str, Row], fields: int) -> None:
 
 def main() -> None:
     """Measure what is not known yet; write the tables and the figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--fields", type=int, default=5, help="fields of each of the eight kinds")
-    parser.add_argument("--again", action="store_true", help="do not keep earlier results")
-    given = parser.parse_args()
-    jax.config.update("jax_enable_x64", True)
-    kept = KeptResults("fold_map", again=given.again)
+    fields = {"type": int, "default": 5, "help": "fields of each of the eight kinds"}
+    kept, given = started("fold_map", __doc__, fields=fields)
     for run in runs(given.fields):
         kept.row(key(*run), lambda run=run: measure(*run))
     (kept.path.parent / "fold_map_runs.md").write_text(every_run(kept.rows) + "\n")

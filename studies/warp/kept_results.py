@@ -1,9 +1,12 @@
 """Results of a study that are kept from run to run, and the Markdown table made of them."""
 
+import argparse
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+import jax
 
 HERE = Path(__file__).parent
 IMAGES = HERE.parents[1] / "docs" / "images"
@@ -44,6 +47,25 @@ class KeptResults:
         """Writes results/NAME.md."""
         self.path.with_suffix(".md").write_text(table + "\n", encoding="utf-8")
         print(table)
+
+
+def started(
+    name: str, said: str | None, **options: dict[str, Any]
+) -> tuple[KeptResults, argparse.Namespace]:
+    """What every study begins with: its command line read, JAX in double precision.
+
+    Args:
+        name: of the results.
+        said: the study's docstring, whose first line `--help` shows.
+        options: of the command besides `--again`, as `argparse` takes them.
+    """
+    parser = argparse.ArgumentParser(description=said and said.splitlines()[0])
+    for option, wishes in options.items():
+        parser.add_argument(f"--{option}", **wishes)
+    parser.add_argument("--again", action="store_true", help="do not keep earlier results")
+    given = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    return KeptResults(name, again=given.again), given
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

@@ -11,13 +11,10 @@ Figure 8: Y. Chen, "3D Texture Mapping for Rapid Manufacturing", Computer-Aided 
 Applications 4 (6), 2007, 761-771.
 """
 
-import argparse
-
-import jax
 import numpy as np
 from drawn_grids import draw_grid, panels, save
 from jaxtyping import Float
-from kept_results import IMAGES, KeptResults, Row, markdown
+from kept_results import IMAGES, Row, markdown, started
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
@@ -104,10 +101,7 @@ def draw_octagons(axes: Axes, nodes: Float[np.ndarray, "_ _ 2"]) -> None:
 
 def main() -> None:
     """Warp, map, write the table and draw."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--again", action="store_true", help="do not keep earlier results")
-    jax.config.update("jax_enable_x64", True)
-    kept = KeptResults("octagon", again=parser.parse_args().again)
+    kept, _ = started("octagon", __doc__)
     names = ("folded", "min_jacobian", "slope", "correlation", "aspect")
     lines = []
     figure, axes = panels(len(WARPS), width=4.2)

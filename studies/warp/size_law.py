@@ -7,15 +7,13 @@ its highest; 16 to 20 cells along the longest axis, margin 1, contrast 3, f smoo
 Writes results/size_law.json, results/size_law.md and docs/images/warp_size_law.png.
 """
 
-import argparse
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
-import jax
 import numpy as np
 from drawn_grids import panels, save
-from kept_results import IMAGES, KeptResults, Row, markdown
+from kept_results import IMAGES, Row, markdown, started
 from part_stress import PartStress, builtin_stress, clamped_and_pressed
 
 from texmap_opt.warp.least_squares import LeastSquares
@@ -87,14 +85,13 @@ def draw(rows: dict[str, Row], parts: list[str]) -> None:
 
 def main() -> None:
     """Measure what is not known yet; write the table and the figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--part", type=Path, help="a surface file, such as fandisk.obj")
-    parser.add_argument("--unit", default="cm", help="of its coordinates: mm, cm, m, in")
-    parser.add_argument("--edge", type=float, default=5.0, help="of its tets [mm]")
-    parser.add_argument("--again", action="store_true", help="do not keep earlier results")
-    given = parser.parse_args()
-    jax.config.update("jax_enable_x64", True)
-    kept = KeptResults("size_law", again=given.again)
+    kept, given = started(
+        "size_law",
+        __doc__,
+        part={"type": Path, "help": "a surface file, such as fandisk.obj"},
+        unit={"default": "cm", "help": "of its coordinates: mm, cm, m, in"},
+        edge={"type": float, "default": 5.0, "help": "of its tets [mm]"},
+    )
     parts: dict[str, Callable[[], PartStress]] = {
         name: partial(builtin_stress, name) for name in ("cantilever", "bracket")
     }
@@ -104,12 +101,11 @@ def main() -> None:
         )
     lines = []
     for part, analysed in parts.items():
-        unknown = any(f"{part}, {method}" not in kept.rows for method in METHODS)
-        stressed = analysed() if unknown else None
+        stressed = cache(analysed)
         for method, warp in METHODS.items():
             row = kept.row(
                 f"{part}, {method}",
-                lambda stressed=stressed, warp=warp: measure(stressed, warp),
+                lambda stressed=stressed, warp=warp: measure(stressed(), warp),
             )
             names = (
                 *("cells", "nodes", "wanted_contrast", "slope", "correlation", "part_slope"),

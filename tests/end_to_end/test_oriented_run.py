@@ -7,8 +7,8 @@ import pytest
 from sound_case import case_of
 
 from texmap_opt import run
-from texmap_opt.report.scenes import cell_sizes
 from texmap_opt.run_result import Run
+from texmap_opt.warp.cell_volumes import equivalent_edges
 from texmap_opt.warp.warped_grid import WarpedGrid
 
 CENTRE = np.array([20.0, 10.0, 10.0])
@@ -53,7 +53,7 @@ def test_a_fixed_face_stays_and_the_others_slide(done: Run):
 
 
 def test_painted_cells_are_smaller_and_nothing_folds(done: Run):
-    size = cell_sizes(done.warp.grid.positions)
+    size = equivalent_edges(done.warp.grid.positions)
     centres = done.warp.grid.positions.reshape(-1, 3)[done.warp.grid.corners].mean(axis=1)
     nearest = np.argmin(np.linalg.norm(centres - CENTRE, axis=1))
     assert size.ravel()[nearest] < 0.95 * size.max()

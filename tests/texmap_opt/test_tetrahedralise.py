@@ -100,6 +100,68 @@ def test_a_mesh_of_another_volume_is_refused(bar, mesh, monkeypatch):
         tetrahedralise(bar, edge_mm=8.0, element="tet4")
 
 
+def stubbed(monkeypatch, *meshes):
+    """The mesher replaced by one that returns these in turn; what it was asked, call by call."""
+    asked, left = [], iter(meshes)
+    monkeypatch.setattr(
+        module, "mesh_of_surface", lambda *_, **wishes: asked.append(wishes) or next(left)
+    )
+    return asked
+
+
+def strayed(mesh):
+    """One node of a face 0.3 mm off it, beyond the envelope of 0.06 mm, and no tet inverted."""
+    nodes = mesh.nodes.copy()
+    boundary = np.unique(mesh.boundary_facets)
+    inside_face = boundary[np.all(np.abs(nodes[boundary, :2] - [20, 0]) < [15, 8], axis=1)]
+    top = inside_face[np.isclose(nodes[inside_face, 2], nodes[:, 2].max())]
+    nodes[top[0], 2] += 0.3
+    return TetMesh(nodes, mesh.tets)
+
+
+def runaway(mesh):
+    """Each tet cut into 8^3 of its shape."""
+    for _ in range(3):
+        a, b, c, d, ab, bc, ca, ad, bd, cd = mesh.to_tet10().tets.T
+        tets = [(a, ab, ca, ad), (ab, b, bc, bd), (ca, bc, c, cd), (ad, bd, cd, d), (ab, bc, ca, bd), (ab, ca, ad, bd), (ca, ad, bd, cd), (ca, bc, cd, bd)]  # fmt: skip # noqa: E501
+        mesh = TetMesh(mesh.to_tet10().nodes, np.concatenate([np.stack(t, axis=1) for t in tets]))
+    return mesh
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (
+            strayed,
+            "bar, meshed 2 times: 1 of .* boundary are off the part's surface by up to 0.3 mm",
+        ),
+        (runaway, "bar, meshed 2 times: the mesh has .* tets where at most .* make sense"),
+    ],
+)
+def test_a_mesh_that_ran_away_or_strayed_is_made_again_and_refused_the_second_time(
+    bar, mesh, monkeypatch, bad, words
+):
+    """The mesher's threads race, so equal input may give a good mesh the next time."""
+    broken = bad(mesh)
+    assert (broken.volumes > 0).all() and broken.volume == pytest.approx(mesh.volume, rel=0.01)
+    asked = stubbed(monkeypatch, broken, mesh)
+    again = tetrahedralise(bar, edge_mm=8.0, element="tet4")
+    np.testing.assert_allclose(again.nodes, mesh.nodes, atol=1e-3)
+    assert len(asked) == 2 and asked[0] == asked[1]
+    stubbed(monkeypatch, broken, broken)
+    with pytest.raises(TetrahedralisationError, match=words):
+        tetrahedralise(bar, edge_mm=8.0, element="tet4")
+
+
+def test_fine_detail_and_wanted_edges_do_not_count_as_running_away(bar, mesh, monkeypatch):
+    """512 times as many tets are what edges of an eighth make; and triangles want tets of their own."""
+    finer = runaway(mesh)
+    stubbed(monkeypatch, finer)
+    sizing = Sizing.around(mesh, np.full(len(mesh.nodes), 1.0))
+    made = tetrahedralise(bar, edge_mm=8.0, element="tet4", sizing=sizing)
+    assert len(made.tets) == len(finer.tets)
+
+
 def test_a_rough_boundary_becomes_flat_and_sharp_and_no_tet_inverts():
     smooth = TetMesh.box((4.0, 3.0, 2.0), (8, 6, 4))
     surface = builtin_part("cantilever", {"length_mm": 4.0, "width_mm": 3.0, "height_mm": 2.0})

@@ -168,29 +168,6 @@ class StiffnessSurface:
 Scene = LoadedPart | WarpedGrid | Struts | CutOpen | Whole | Cell | PlannedPart | StiffnessSurface
 
 
-def cell_sizes(nodes: Float[np.ndarray, "i j k 3"]) -> Float[np.ndarray, "x y z"]:
-    """Edge of the cube with each cell's volume [mm]; NaN where a cell is inside out.
-
-    The volume is that of the cell cut into six tets along a diagonal: exact for flat faces.
-    """
-    c = [
-        nodes[i : nodes.shape[0] - 1 + i, j : nodes.shape[1] - 1 + j, k : nodes.shape[2] - 1 + k]
-        for i in (0, 1)
-        for j in (0, 1)
-        for k in (0, 1)
-    ]
-    # Corner (i, j, k) is c[4i + 2j + k]; each path along the axes from c[0] to c[7] is one tet,
-    # positive when the order of its steps is an even permutation of x, y, z.
-    volume = np.zeros(c[0].shape[:-1])
-    for a, b, sign in ((4, 6, 1), (2, 3, 1), (1, 5, 1), (4, 5, -1), (2, 6, -1), (1, 3, -1)):
-        volume += sign * _triple(c[a] - c[0], c[b] - c[0], c[7] - c[0]) / 6
-    return np.where(volume > 0, np.abs(volume), np.nan) ** (1 / 3)
-
-
-def _triple(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    return np.einsum("...i,...i->...", a, np.cross(b, c))
-
-
 def triangles_of_facets(
     facets: Int[np.ndarray, "facets corners"],
 ) -> Int[np.ndarray, "faces 3"]:

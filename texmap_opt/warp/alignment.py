@@ -27,7 +27,13 @@ IN_PLANE = np.array([0, 1, 5])
 
 
 class AbstractAlignment(eqx.Module):
-    """Half the sum of squares of residuals that turn cells."""
+    """Half the sum of squares of residuals that turn cells.
+
+    Attributes:
+        weight: of the residuals.
+    """
+
+    weight: eqx.AbstractVar[float | Float[Array, ""]]
 
     @abc.abstractmethod
     def energy(
@@ -46,7 +52,13 @@ class AbstractAlignment(eqx.Module):
 
 
 class Unaligned(AbstractAlignment):
-    """Nothing turns the cells."""
+    """Nothing turns the cells.
+
+    Attributes:
+        weight: none.
+    """
+
+    weight: float = 0.0
 
     def energy(
         self,

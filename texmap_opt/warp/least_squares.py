@@ -26,12 +26,14 @@ from texmap_opt.warp.warp import AbstractWarp, WarpResult, require_layers
 from texmap_opt.warping_function.size_law import known
 from texmap_opt.warping_function.warping_function import WarpingFunction
 
-# Steps L-BFGS remembers; each costs the memory of two grids.
-HISTORY = 10
+# Steps L-BFGS remembers; each costs the memory of two grids. Rough fields need a third more steps
+# with 10, a tenth less with 100.
+HISTORY = 30
 
-# Steps after which the variables are set up anew about the grid reached: often enough for them to fit
-# a grid that still moves, seldom enough for L-BFGS to profit from its memory.
-STEPS_PER_ROUND = 25
+# Where f is symmetric the uniform grid lies among symmetric grids, which the search would never leave
+# although the best of them may be a saddle. So it starts this far off, in variables of which 1 strains
+# cells by about 1.
+OFF_SYMMETRY = 1e-3
 
 # Grids on the way to the finest are solved to this gain only.
 GAIN_ON_THE_WAY = 1e-3
@@ -81,13 +83,13 @@ class LeastSquares(AbstractWarp):
             WarpError: if there is only one cell along an axis.
         """
         end, problem = self._minimum(grid, f)
-        parts = {name: float(part) for name, part in vars(_energies(problem, end.nodes)).items()}
+        parts = {f"objective_{part}": float(value) for part, value in vars(end.energies).items()}
         measures = {
             "gradient_norm": end.gradient_norm,
             "gain": end.gain,
             "tolerance": self.gtol,
-            "objective": sum(parts.values()),
-            **{f"objective_{name}": part for name, part in parts.items()},
+            "objective": parts.pop("objective_total"),
+            **parts,
         }
         moved = end.moved(grid)
         if problem.surface is not None:
@@ -125,7 +127,7 @@ class LeastSquares(AbstractWarp):
                 "jax.vmap: take the derivative of a function that calls it, without either."
             )
         end, problem = still[0]._minimum(grid, still[1])
-        variables = Variables.about(end.nodes, grid, _modes(grid, float(problem.size_weight)))
+        variables = still[0]._variables(end.nodes, grid)
         nodes, reached = _polished(self._problem(grid, f, problem.surface), variables)
         if not bool(reached):
             raise WarpError(
@@ -146,22 +148,54 @@ class LeastSquares(AbstractWarp):
         require_layers(grid, "least-squares")
         levels = coarser(grid)
         on_the_way = max(self.gtol, GAIN_ON_THE_WAY)
-        nodes = jnp.moveaxis(jnp.asarray(levels[0].nodes), -1, 0)
+        nodes = self._off_symmetry(levels[0], f)
         for share in _shares(levels[0], f)[:-1]:
             problem = self._problem(levels[0], f.softened(share))
-            nodes = _descend(problem, levels[0], nodes, on_the_way, self.max_steps).nodes
+            nodes = self._search(problem, levels[0], nodes, on_the_way).nodes
         for level, finer in pairwise(levels):
-            problem = self._problem(level, f)
-            end = _descend(problem, level, nodes, on_the_way, self.max_steps)
+            end = self._search(self._problem(level, f), level, nodes, on_the_way)
             nodes = prolonged(end.nodes, finer)
         problem = self._problem(grid, f)
-        end = _descend(problem, grid, nodes, self.gtol, self.max_steps)
+        end = self._search(problem, grid, nodes, self.gtol)
         if self.surface is None:
             return end, problem
         # Which nodes are near the surface shows only now.
         surface = Conforming.of(end.moved(grid), self.surface, self.surface_weight)
         problem = self._problem(grid, f, surface)
-        return _descend(problem, grid, end.nodes, self.gtol, self.max_steps), problem
+        return self._search(problem, grid, end.nodes, self.gtol), problem
+
+    def _off_symmetry(self, grid: Grid, f: WarpingFunction) -> Float[Array, " d *nodes"]:
+        """Nodes next to the uniform grid's; the same ones where there is nothing to gain."""
+        start = jnp.asarray(np.moveaxis(grid.nodes, -1, 0))
+        to_follow = _log_spread(grid, f) if isinstance(self.alignment, Unaligned) else 1.0
+        off = (
+            OFF_SYMMETRY
+            * min(1.0, to_follow)
+            * np.random.default_rng(0).standard_normal(start.shape)
+        )
+        return self._variables(start, grid).at(jnp.asarray(off))
+
+    def _variables(self, nodes: Float[Array, " d *nodes"], grid: Grid) -> Variables:
+        modes = SlidingModes.of(
+            grid,
+            size_weight=float(self.size_weight),
+            alignment_weight=float(self.alignment.weight),
+        )
+        return Variables.about(nodes, grid, modes)
+
+    def _search(
+        self,
+        problem: LeastSquaresProblem,
+        grid: Grid,
+        nodes: Float[Array, " d *nodes"],
+        gtol: float,
+    ) -> "_Minimum":
+        """L-BFGS from certified nodes."""
+        variables = self._variables(nodes, grid)
+        nodes, steps, energies, norm = _descended(
+            problem, variables, jnp.asarray(gtol), self.max_steps
+        )
+        return _Minimum(nodes, int(steps), energies, float(norm))
 
 
 class _Minimum(eqx.Module):
@@ -170,13 +204,13 @@ class _Minimum(eqx.Module):
     Attributes:
         nodes: of the grid, component first [mm].
         steps: number of trial grids of this size.
-        objective: half the sum of squares.
+        energies: their sum, the objective, and its parts.
         gradient_norm: in the variables about the end.
     """
 
     nodes: Float[Array, " d *nodes"]
     steps: int
-    objective: float
+    energies: Energies
     gradient_norm: float
 
     def moved(self, grid: Grid) -> Grid:
@@ -190,7 +224,7 @@ class _Minimum(eqx.Module):
         The Hessian in the variables is about the identity, so a Newton step gains about half the
         squared gradient.
         """
-        return 0.5 * self.gradient_norm**2 / (self.objective + ROUNDING)
+        return 0.5 * self.gradient_norm**2 / (float(self.energies.total) + ROUNDING)
 
 
 class _LBFGS(optx.AbstractLBFGS):
@@ -217,60 +251,31 @@ class _LBFGS(optx.AbstractLBFGS):
 
 def _shares(grid: Grid, f: WarpingFunction) -> list[float]:
     """Powers of the wanted size on the way to 1; the contrast grows by `CONTRAST_STEP` at most."""
-    wanted = jnp.log(f.size(grid.centres))
-    spread = float(jnp.max(wanted) - jnp.min(wanted))
-    count = max(1, math.ceil(spread / math.log(CONTRAST_STEP) - 1e-9))
+    count = max(1, math.ceil(_log_spread(grid, f) / math.log(CONTRAST_STEP) - 1e-9))
     return [(k + 1) / count for k in range(count)]
 
 
-def _modes(grid: Grid, size_weight: float) -> SlidingModes:
-    """Modes scaled by the objective's second derivatives at the identity.
-
-    Around T = I + E the residuals of shape are E + E^T and the 3^d of size sqrt(w) tr E.
-    """
-    stretch = 4.0 + 3**grid.dimensions * size_weight
-    return SlidingModes.of(grid, shear=2.0, stretch=stretch, free=grid.free)
-
-
-def _descend(
-    problem: LeastSquaresProblem,
-    grid: Grid,
-    nodes: Float[Array, " d *nodes"],
-    gtol: float,
-    max_steps: int,
-) -> _Minimum:
-    """L-BFGS from certified nodes, in variables set up anew every few steps."""
-    modes = _modes(grid, float(problem.size_weight))
-    steps = 0
-    while True:
-        variables = Variables.about(nodes, grid, modes)
-        most = min(STEPS_PER_ROUND, max_steps - steps)
-        nodes, taken, objective, norm = _round(problem, variables, jnp.asarray(gtol), most)
-        steps += int(taken)
-        end = _Minimum(nodes, steps, float(objective), float(norm))
-        if end.gain < gtol or steps >= max_steps:
-            return end
+def _log_spread(grid: Grid, f: WarpingFunction) -> float:
+    """Logarithm of the ratio of the largest to the smallest wanted size."""
+    return float(np.ptp(np.log(np.asarray(f.size(grid.centres)))))
 
 
 @eqx.filter_jit
-def _round(
-    problem: LeastSquaresProblem,
-    variables: Variables,
-    gtol: Float[Array, ""],
-    most: int,
-) -> tuple[Float[Array, " d *nodes"], Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
-    """A few steps: the nodes, the number of steps, the objective and the gradient's norm."""
+def _descended(
+    problem: LeastSquaresProblem, variables: Variables, gtol: Float[Array, ""], max_steps: int
+) -> tuple[Float[Array, " d *nodes"], Int[Array, ""], Energies, Float[Array, ""]]:
+    """From the origin: the nodes, the number of steps, the energies and the gradient's norm."""
     solution = optx.minimise(
-        _objective_in_variables,
+        _energies_in_variables,
         _LBFGS(gtol=gtol),
         jnp.zeros_like(problem.start),
         args=(problem, variables),
-        max_steps=most,
+        has_aux=True,
+        max_steps=max_steps,
         throw=False,
     )
-    last = solution.state.f_info
-    norm = jnp.sqrt(jnp.sum(last.grad**2))
-    return variables.at(solution.value), solution.stats["num_steps"], last.f, norm
+    norm = jnp.sqrt(jnp.sum(solution.state.f_info.grad**2))
+    return variables.at(solution.value), solution.stats["num_steps"], solution.aux, norm
 
 
 @eqx.filter_jit
@@ -295,13 +300,16 @@ def _polished(
     return variables.at(solution.value), solution.result == optx.RESULTS.successful
 
 
-@eqx.filter_jit
-def _energies(problem: LeastSquaresProblem, nodes: Float[Array, " d *nodes"]) -> Energies:
-    return problem.energies(nodes)
+def _energies_in_variables(
+    z: Float[Array, " d *nodes"], args: tuple[LeastSquaresProblem, Variables]
+) -> tuple[Float[Array, ""], Energies]:
+    """The objective, and its parts beside it."""
+    problem, variables = args
+    energies = problem.energies(variables.at(z))
+    return energies.total, energies
 
 
 def _objective_in_variables(
     z: Float[Array, " d *nodes"], args: tuple[LeastSquaresProblem, Variables]
 ) -> Float[Array, ""]:
-    problem, variables = args
-    return problem.objective(variables.at(z))
+    return _energies_in_variables(z, args)[0]

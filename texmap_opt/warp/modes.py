@@ -1,5 +1,7 @@
 """A change of variables that makes the least-squares warp well conditioned."""
 
+from itertools import combinations
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -7,54 +9,47 @@ from jaxtyping import Array, Bool, Float
 
 from texmap_opt.warp.grid import Grid
 
+# Stiffness, over the alignment's weight, against an edge's turning out of its line. The residuals of
+# alignment couple the turnings of a cell's edges and differ from place to place with the stress;
+# this share stands for them: 1/10 takes two thirds of the steps away that 0 needs at a weight of
+# 100, and more stops early where the stress is small.
+TURNING = 0.3
+
 
 class SlidingModes(eqx.Module):
     """Displacements of the nodes from cosine and sine modes; outer nodes stay on their faces.
 
-    x = x0 + M V A^(-1/2) z. Component c of the displacement uses sine modes along axis c (zero on
-    the two faces it is normal to) and cosine modes along the others (free to slide), so that the
-    divergence of all components is made of the same products of cosines, and the objective's
-    Hessian at the identity falls into one small block per mode. With kappa the vector of the mode's
-    wave numbers, a displacement along kappa changes the size of cells and costs
-    `stretch` |kappa|², one across it only shears them and costs `shear` |kappa|²: A has these two
-    values, and its inverse root is known. M holds the nodes of fixed faces.
+    u = M V A^(-1/2) z. Component c of the displacement uses sine modes along axis c (zero on the
+    two faces it is normal to) and cosine modes along the others (free to slide), so that all
+    components strain a cell by the same products of cosines, and the objective's Hessian at the
+    identity falls into one block A of d x d numbers per mode (`_hessian`): half its quadratic form
+    is half the sum of z². M holds the nodes of fixed faces.
 
     Source of the modes: Strang, "The discrete cosine transform", SIAM Review 41 (1999), DCT-1 and
     DST-1.
 
     Attributes:
         cosines, sines: per axis, nodes x modes; the modes that no sine has are zero.
-        direction: kappa / |kappa| per mode; zero where kappa is.
-        across, along: (A)^(-1/2) across and along kappa [mm].
+        scale: A^(-1/2) of each mode: component, component, mode [mm]; zero where a sine is.
         free: where a node may move along a component.
     """
 
     cosines: tuple[Float[Array, "_ _"], ...]
     sines: tuple[Float[Array, "_ _"], ...]
-    direction: Float[Array, " d *nodes"]
-    across: Float[Array, "*nodes"]
-    along: Float[Array, "*nodes"]
+    scale: Float[Array, " d d *nodes"]
     free: Bool[Array, " d *nodes"]
 
     @classmethod
-    def of(
-        cls,
-        grid: Grid,
-        *,
-        shear: float,
-        stretch: float,
-        free: Bool[np.ndarray, " d *nodes"],
-    ) -> "SlidingModes":
+    def of(cls, grid: Grid, *, size_weight: float, alignment_weight: float) -> "SlidingModes":
         """Modes of a grid.
 
         Args:
-            grid: gives box and number of cells.
-            shear: stiffness of the objective against shear at the identity.
-            stretch: the same against change of size.
-            free: see the attribute.
+            grid: gives box, number of cells, and which nodes are free.
+            size_weight: of the objective's size residual.
+            alignment_weight: of what turns the cells.
         """
-        cosines, sines, wave = [], [], []
-        for n, h in zip(grid.cells, grid.uniform_edge, strict=True):
+        cosines, sines, angles = [], [], []
+        for n in grid.cells:
             node, mode = np.arange(n + 1)[:, None], np.arange(n + 1)
             ends = np.where((mode == 0) | (mode == n), np.sqrt(0.5), 1.0)
             angle = np.pi * mode / n
@@ -62,26 +57,18 @@ class SlidingModes(eqx.Module):
             sine = np.sin(node * angle) * np.sqrt(2 / n)
             sine[:, [0, -1]] = sine[[0, -1], :] = 0.0  # rounding of sin(pi) would leave the face
             sines.append(jnp.asarray(sine))
-            wave.append(2 / h * np.sin(angle / 2))
-        kappa = np.stack(np.meshgrid(*wave, indexing="ij"))
-        size = np.sqrt(np.sum(kappa**2, axis=0))
-        # The mode without a wave moves nothing: every component needs a sine.
-        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-        return cls(
-            tuple(cosines),
-            tuple(sines),
-            jnp.asarray(kappa * inverse),
-            jnp.asarray(inverse / np.sqrt(shear)),
-            jnp.asarray(inverse / np.sqrt(stretch)),
-            jnp.asarray(free),
-        )
+            angles.append(angle)
+        theta = np.stack(np.meshgrid(*angles, indexing="ij"))
+        edge = grid.uniform_edge.reshape(-1, *[1] * grid.dimensions)
+        A = _hessian(2 / edge * np.sin(theta / 2), np.cos(theta / 2), size_weight, alignment_weight)
+        ends = np.array(grid.cells).reshape(-1, *[1] * grid.dimensions)
+        mode = np.indices(theta.shape[1:])
+        scale = _inverse_root(A, (mode > 0) & (mode < ends))
+        return cls(tuple(cosines), tuple(sines), jnp.asarray(scale), jnp.asarray(grid.free))
 
     def displacement(self, z: Float[Array, " d *nodes"]) -> Float[Array, " d *nodes"]:
         """Displacement of the nodes [mm], component first."""
-        lengthwise = jnp.sum(self.direction * z, axis=0)
-        scaled = (
-            self.across[None] * z + self.direction * ((self.along - self.across) * lengthwise)[None]
-        )
+        scaled = jnp.sum(self.scale * z[None], axis=1)
         components = []
         for c in range(len(z)):
             u = scaled[c]
@@ -91,3 +78,50 @@ class SlidingModes(eqx.Module):
                 u = jnp.moveaxis(jnp.tensordot(modes, u, axes=(1, k)), 0, k)
             components.append(u)
         return jnp.where(self.free, jnp.stack(components), 0.0)
+
+
+def _hessian(
+    wave: Float[np.ndarray, " d *nodes"],
+    middle: Float[np.ndarray, " d *nodes"],
+    size_weight: float,
+    alignment_weight: float,
+) -> Float[np.ndarray, " d d *nodes"]:
+    """Second derivatives of the objective at the identity by the amplitudes of each mode.
+
+    docs/theory/warp.md, 3.5, derives it. Within a cell a mode varies from point to point; the
+    residuals at its corners and at the points of its Bezier coefficients all count.
+
+    Args:
+        wave: 2 sin(theta/2) over the edge of a cell, theta the phase from node to node [1/mm].
+        middle: cos(theta/2): what is left of an amplitude half way between two nodes.
+        size_weight: w.
+        alignment_weight: of what turns the cells.
+    """
+    d = len(wave)
+    # Squares of a mode at 0, 1/2 and 1 along an axis, and that of their mean half way.
+    at_three, at_middle = 2 + middle**2, middle**2
+    A = np.zeros((d, *wave.shape))
+    for a in range(d):
+        others = [b for b in range(d) if b != a]
+        size = 3 * size_weight * np.prod(at_three[others], axis=0)
+        A[a, a] = (4 + size) * wave[a] ** 2
+        for b in others:
+            turning = np.prod(at_middle[[k for k in range(d) if k != b]], axis=0)
+            A[a, a] += (2 + TURNING * alignment_weight * turning) * wave[b] ** 2
+    for a, b in combinations(range(d), 2):
+        rest = np.prod(at_three[[k for k in range(d) if k not in (a, b)]], axis=0)
+        A[a, b] = (2 + 9 * size_weight * rest) * wave[a] * wave[b] * middle[a] * middle[b]
+        A[b, a] = A[a, b]
+    return A
+
+
+def _inverse_root(
+    A: Float[np.ndarray, " d d *nodes"], moves: Bool[np.ndarray, " d *nodes"]
+) -> Float[np.ndarray, " d d *nodes"]:
+    """A^(-1/2) of every block, on the components that move anything; zero on the others."""
+    d = len(A)
+    both = moves[:, None] & moves[None]
+    blocks = np.where(both, A, np.eye(d).reshape(d, d, *[1] * (A.ndim - 2)))
+    values, vectors = np.linalg.eigh(np.moveaxis(blocks, (0, 1), (-2, -1)))
+    roots = (vectors / np.sqrt(values)[..., None, :]) @ vectors.swapaxes(-1, -2)
+    return np.where(both, np.moveaxis(roots, (-2, -1), (0, 1)), 0.0)

@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from texmap_opt.signed_distance import SignedDistance
 from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.warp.certificate import grid_coefficients
+from texmap_opt.warp.cell_volumes import cell_volumes
 from texmap_opt.warp.grid import Grid
 
 
@@ -13,16 +13,18 @@ def occupied_volume(grid: Grid, surface: TriMesh) -> Float[np.ndarray, " cells"]
     """Volume of the part in each cell [mm³], from one distance a cell; 0 in cells inside out.
 
     As if the part were bounded in the cell by a plane along its faces: a share 1/2 - d / h of it is
-    inside, d the signed distance of the centre and h the cell's size, between none and all.
+    inside, d the signed distance of the centre and h the edge of the cube of the cell's volume,
+    between none and all. In two dimensions cells reach through the box, and h is that of the square.
 
     Args:
         grid: hexahedra.
         surface: of the part, closed [mm].
     """
     centres = grid.positions.reshape(-1, 3)[grid.corners].mean(axis=1)
-    # The mean of the coefficients of det J is the volume over that of a uniform cell.
-    volume = np.maximum(grid_coefficients(grid).mean(axis=1), 0) * grid.uniform_edge.prod()
-    size = np.cbrt(volume)
+    volume = np.maximum(cell_volumes(grid.nodes).reshape(-1), 0)
+    size = volume ** (1 / grid.dimensions)
+    if grid.dimensions == 2:
+        volume = volume * np.ptp(grid.box.bounds[:, 2])
     distance, _, _ = SignedDistance(surface)(centres)
     share = 0.5 - np.divide(distance, size, out=np.zeros_like(size), where=size > 0)
     return volume * np.clip(share, 0.0, 1.0)

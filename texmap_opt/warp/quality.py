@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from fea.effective_stiffness import EffectiveStiffness
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.alignment import turned_compliance
+from texmap_opt.warp.cell_volumes import equivalent_edges
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.frames import rotations
 from texmap_opt.warp.grid import Grid
@@ -135,9 +136,20 @@ def quality(
         weights: how much each cell counts for the energies, such as the part's volume in it; only
             cells above zero count for the sizes in the part. None: all alike.
     """
-    coefficients = grid_coefficients(grid)
-    wanted, achieved = wanted_sizes(grid, f), _sizes(coefficients)
-    stress = stresses(grid, f)
+    asked = wanted_sizes(grid, f), stresses(grid, f)
+    return quality_for(grid, *asked, stiffness=stiffness, weights=weights)
+
+
+def quality_for(
+    grid: Grid,
+    wanted: Float[np.ndarray, " cells"],
+    stress: Float[np.ndarray, "cases cells d d"],
+    *,
+    stiffness: EffectiveStiffness | None = None,
+    weights: Float[np.ndarray, " cells"] | None = None,
+) -> WarpQuality:
+    """`quality`, given what f asks at the centres of the cells: `wanted_sizes` and `stresses`."""
+    coefficients, achieved = grid_coefficients(grid), achieved_sizes(grid)
     lengths, scaled = _shape(grid)
     # A cell inside out has no size; it is counted as folded.
     usable = achieved > 0
@@ -184,7 +196,8 @@ def wanted_sizes(grid: Grid, f: WarpingFunction) -> Float[np.ndarray, " cells"]:
 
 def achieved_sizes(grid: Grid) -> Float[np.ndarray, " cells"]:
     """d-th root of each cell's volume over that of a uniform cell; NaN where it is inside out."""
-    return _sizes(grid_coefficients(grid))
+    uniform = np.prod(grid.uniform_edge) ** (1 / grid.dimensions)
+    return equivalent_edges(grid.nodes).reshape(-1) / uniform
 
 
 def log_fit(
@@ -270,13 +283,6 @@ def _largest_ratio(lengths: Float[np.ndarray, "2 cells d"]) -> float:
     shortest, longest = lengths[0].min(axis=1), lengths[1].max(axis=1)
     ratio = np.divide(longest, shortest, out=np.full(len(shortest), np.inf), where=shortest > 0)
     return float(ratio.max())
-
-
-def _sizes(coefficients: Float[np.ndarray, "cells _"]) -> Float[np.ndarray, " cells"]:
-    # The mean of the coefficients is the cell's volume: their polynomials have equal integrals.
-    volume = coefficients.mean(axis=1)
-    d = {9: 2, 27: 3}[coefficients.shape[1]]
-    return np.where(volume > 0, np.abs(volume), np.nan) ** (1 / d)
 
 
 def _angles(grid: Grid, stress: Float[np.ndarray, "cases cells d d"]) -> dict[str, float | None]:

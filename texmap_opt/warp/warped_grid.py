@@ -17,7 +17,7 @@ from texmap_opt.warp.occupied import occupied_volume
 from texmap_opt.warp.quality import (
     WarpQuality,
     energies,
-    quality,
+    quality_for,
     require_unfolded,
     stresses,
     wanted_sizes,
@@ -116,7 +116,8 @@ def warped_grid(inputs: WarpInputs) -> WarpedGrid:
     function = driving_function(inputs)
     result = METHODS[inputs.section.method](inputs).fit(inputs.grid, function)
     occupied = occupied_volume(result.grid, inputs.surface)
-    measured = quality(result.grid, function, weights=occupied)
+    wanted, stress = wanted_sizes(result.grid, function), stresses(result.grid, function)
+    measured = quality_for(result.grid, wanted, stress, weights=occupied)
     require_unfolded(result, measured)
     return WarpedGrid(
         grid=result.grid,
@@ -126,8 +127,8 @@ def warped_grid(inputs: WarpInputs) -> WarpedGrid:
         message=result.message,
         measures=result.measures,
         quality=measured,
-        wanted_size=wanted_sizes(result.grid, function),
-        stress=stresses(result.grid, function),
+        wanted_size=wanted,
+        stress=stress,
         occupied_mm3=occupied,
     )
 

@@ -237,14 +237,14 @@ def _require_cover(imported: ImportedField, part_points: Float[np.ndarray, "poin
     scale = {name: mm / MM_PER_UNIT[imported.unit] for name, mm in MM_PER_UNIT.items()}
     fitting = min(scale, key=lambda name: abs(np.log(scale[name] / factor)))
     remedy = (
-        "give the results of this part, at the same place"
+        "give the results of this part, at the same place."
         if fitting == imported.unit
         else f'is its unit "{fitting}" instead of "{imported.unit}"?'
     )
     raise CaseError(
         f"{imported.where}: {imported.name} does not cover the part: {100 * share:.0f} % of it is more "
         f"than {reach:.3g} mm from any result; these span {_span(its_low, its_high)}, the part "
-        f"{_span(low, high)}; {remedy}."
+        f"{_span(low, high)}; {remedy}"
     )
 
 

@@ -118,14 +118,17 @@ class WarpingFunction(eqx.Module):
         """Number of load cases whose stress is known."""
         return self.stress_field.coefficients.shape[-1] // 6
 
+    @eqx.filter_jit
     def f(self, points: Float[Array | np.ndarray, "samples d"]) -> Float[Array, " samples"]:
         """The contrast-limited f at `points` [mm], 1 at the centre of the window."""
         return jnp.exp(self._limited(points))
 
+    @eqx.filter_jit
     def size(self, points: Float[Array | np.ndarray, "samples d"]) -> Float[Array, " samples"]:
         """Wanted edge of a cell at `points` [mm], relative to a uniform cell."""
         return jnp.exp(-self.exponent * self._limited(points) - self.log_scale)
 
+    @eqx.filter_jit
     def stress(
         self, points: Float[Array | np.ndarray, "samples d"]
     ) -> Float[Array, "cases samples 3 3"]:
@@ -137,6 +140,7 @@ class WarpingFunction(eqx.Module):
         voigt = self.stress_field(points)
         return jnp.moveaxis(tensor(voigt.reshape(voigt.shape[0], self.cases, 6)), 1, 0)
 
+    @eqx.filter_jit
     def direction(
         self, points: Float[Array | np.ndarray, "samples d"]
     ) -> Float[Array, "cases samples d d"]:

@@ -21,10 +21,10 @@ from texmap_opt.report.scenes import (
     Struts,
     WarpedGrid,
     Whole,
-    cell_sizes,
 )
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.structure import Structure
+from texmap_opt.warp.cell_volumes import equivalent_edges
 
 NO_FACES = TriMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
 
@@ -55,7 +55,7 @@ def all_scenes() -> dict[str, Scene]:
         Mark(Action.GRAVITY, "gravity", NO_FACES, down),
     )
     nodes = grid_nodes((8, 2, 2))
-    sizes = cell_sizes(nodes)
+    sizes = equivalent_edges(nodes)
     joints = nodes.reshape(-1, 3)
     ends = np.array([[a, a + 1] for a in range(len(joints) - 1)])
     radii = np.full((len(ends), 2), 0.4)

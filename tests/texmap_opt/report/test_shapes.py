@@ -5,7 +5,7 @@ import pytest
 
 from texmap_opt.report.glyphs import ARROW_LENGTH, diagonal, glyph, spread_points
 from texmap_opt.report.overlay import colour_range
-from texmap_opt.report.scenes import Action, Mark, cell_sizes, triangles_of_facets
+from texmap_opt.report.scenes import Action, Mark, triangles_of_facets
 from texmap_opt.report.tubes import tube_values, tubes
 from texmap_opt.report.view import HALF_ANGLE_DEG, Eye, Frame, best_eye, fitted_view
 from texmap_opt.solid.tri_mesh import TriMesh
@@ -13,29 +13,6 @@ from texmap_opt.solid.tri_mesh import TriMesh
 SQUARE = TriMesh(
     np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
 )
-
-
-def grid(cells=(3, 2, 4)) -> np.ndarray:
-    axes = [np.arange(n + 1.0) for n in cells]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-
-
-def test_the_size_of_a_cell_is_the_cube_root_of_its_volume():
-    np.testing.assert_allclose(cell_sizes(grid() * [2, 3, 4]), 24 ** (1 / 3), rtol=1e-14)
-
-
-def test_shear_keeps_the_size_of_cells_and_a_mirror_has_none():
-    shear = np.array([[1, 0.7, 0], [0, 1, 0.4], [0, 0, 1]])
-    np.testing.assert_allclose(cell_sizes(grid() @ shear), 1, rtol=1e-14)
-    assert np.isnan(cell_sizes(grid() * [-1, 1, 1])).all()
-
-
-def test_the_volumes_of_warped_cells_add_up_to_the_box():
-    nodes = grid((6, 6, 6)) / 6
-    bump = np.prod(np.sin(np.pi * nodes), axis=-1, keepdims=True)
-    warped = nodes + 0.08 * bump * [1, -0.5, 0.7]
-    # Neighbours cut along different diagonals share no face exactly: 1 % for this curvature.
-    np.testing.assert_allclose((cell_sizes(warped) ** 3).sum(), 1, rtol=1e-2)
 
 
 def test_six_node_facets_become_four_triangles_of_the_same_area():

@@ -10,11 +10,11 @@ from texmap_opt.report.histograms import angle_shares, ratio_counts
 from texmap_opt.report.plots import PlotData
 from texmap_opt.report.run_plots import run_plots
 from texmap_opt.report.run_scenes import hexahedra, mean_edge
-from texmap_opt.report.scenes import cell_sizes
 from texmap_opt.report.warp_numbers import warp_numbers
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.structure import Structure
 from texmap_opt.warp.box import Box
+from texmap_opt.warp.cell_volumes import equivalent_edges
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.quality import quality, stresses, wanted_sizes
 from texmap_opt.warp.warped_grid import WarpedGrid
@@ -126,7 +126,7 @@ def test_cells_of_a_flat_grid_reach_through_the_box():
     grid = Grid.uniform(box, (2, 4))
     corners = hexahedra(grid)
     assert corners.shape == (3, 5, 2, 3)
-    np.testing.assert_allclose((cell_sizes(corners) ** 3).sum(), 16)
+    np.testing.assert_allclose((equivalent_edges(corners) ** 3).sum(), 16)
     np.testing.assert_allclose(mean_edge(grid), 1)
     np.testing.assert_array_equal(
         hexahedra(Grid.uniform(Box.aligned(BOUNDS), (2, 1, 1)))[0, 0, 0], 0

@@ -180,7 +180,7 @@ def test_cells_turn_along_the_principal_stresses():
     samples = StressSamples(points, np.full(len(points), 1 / len(points)), bending(points)[None])
     f = stress_driver(samples, background, smoothing_mm=1 / 12).function(background, SizeLaw())
     np.testing.assert_allclose(mean_angle(grid), 22.05, atol=0.01)
-    warp = LeastSquares(size_weight=1.0, alignment=NoShear(jnp.asarray(100.0)), gtol=1e-3)
+    warp = LeastSquares(size_weight=1.0, alignment=NoShear(jnp.asarray(200.0)))
     result = warp.fit(grid, f)
     relative = (
         grid_coefficients(result.grid) / np.asarray(f.size(result.grid.centres))[:, None] ** 3
@@ -191,9 +191,9 @@ def test_cells_turn_along_the_principal_stresses():
 
 def test_too_few_steps_are_reported_and_still_give_no_fold():
     f = from_formula(ball, cells=12)
-    result = LeastSquares(max_steps=25).fit(Grid.uniform(CUBE, (12, 12, 12)), f)
+    result = LeastSquares(max_steps=8).fit(Grid.uniform(CUBE, (12, 12, 12)), f)
     assert not result.converged
-    assert "stopped after 25 steps" in result.message
+    assert "stopped after 8 steps" in result.message
     assert result.measures["gain"] > result.measures["tolerance"]
     assert grid_coefficients(result.grid).min() > 0
 

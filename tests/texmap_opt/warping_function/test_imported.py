@@ -1,5 +1,7 @@
 """Results of other programs as a driver: what is read, what it becomes, what is refused."""
 
+from dataclasses import replace
+
 import meshio
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from texmap_opt.errors import CaseError, WarpError
 from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
+from texmap_opt.warp.quality import achieved_sizes
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 from texmap_opt.warping_function.imported import ORDERS, imported_driver, read_imported
 from texmap_opt.warping_function.size_law import SizeLaw
@@ -111,6 +114,32 @@ def test_values_of_cells_lie_at_their_centres_and_count_by_their_volume(vtu, own
     sizes = function(imported).size(SIZED)
     # Another sampling of the same field, half a cell of 0.5 mm off, smoothed over 1 mm.
     np.testing.assert_allclose(sizes, own.size(SIZED), rtol=0.02)
+
+
+@pytest.mark.parametrize("place", ["nodes", "cells"])
+def test_a_place_between_coarse_and_fine_cells_takes_the_mean_of_both(tmp_path, place):
+    """Log f is 0 in a half of cells of 1 mm and 1 in a half of 1/8 mm; at their border it is 1/2."""
+    axes = [np.append(np.arange(4.0), np.linspace(4, 8, 33)), np.arange(5.0), np.arange(5.0)]
+    mesh = pyvista.StructuredGrid(*np.meshgrid(*axes, indexing="ij")).cast_to_unstructured_grid()
+    # A ninth of the volume of a node on the border is in the fine half.
+    for data, points in (
+        (mesh.point_data, np.asarray(mesh.points)),
+        (mesh.cell_data, np.asarray(mesh.cell_centers().points)),
+    ):
+        data[f"f in {len(points)}"] = np.exp(np.heaviside(points[:, 0] - 4, 1 / 9))
+    path = tmp_path / "results.vtu"
+    mesh.save(path)
+    count = mesh.n_points if place == "nodes" else mesh.n_cells
+    imported, border = read(path, f"f in {count}"), np.array([[4.0, 2.0, 2.0]])
+
+    def log_f(imported):
+        return float(function(imported, law=SizeLaw(contrast=100.0)).log_f(border)[0, 0])
+
+    # Layers of cells 1 mm thick stand for a Gaussian of 1 mm to 2 %.
+    np.testing.assert_allclose(log_f(imported), 0.5, atol=0.02)
+    # Were all values to count alike, the fine half with its 8 times as many would have its way.
+    alike = replace(imported, volumes=np.ones(count))
+    assert log_f(alike) > 0.8
 
 
 def test_another_measure_may_be_taken(vtu):
@@ -242,7 +271,7 @@ def test_the_unit_of_the_file_is_that_of_its_coordinates(tmp_path, own, unit, mm
     )
     with pytest.raises(CaseError, match=f'is its unit "{unit}" instead of "mm"') as failure:
         function(read(path))
-    assert "the part (0" in str(failure.value)
+    assert "the part (0" in str(failure.value) and str(failure.value).endswith('"mm"?')
 
 
 @pytest.mark.parametrize("dimensions", [3, 2])
@@ -306,9 +335,7 @@ def test_an_imported_vtu_drives_the_warp(vtu):
     f = function(read(vtu, "energy"), law=SizeLaw(contrast=2.0))
     warped = LeastSquares().fit(grid, f)
     assert warped.converged
-    corners = warped.grid.nodes.reshape(-1, 3)[warped.grid.corners]
-    edges = np.stack([corners[:, k] - corners[:, 0] for k in (1, 3, 4)], axis=1)
-    achieved, wanted = np.cbrt(np.linalg.det(edges)), np.asarray(f.size(warped.grid.centres))
+    achieved, wanted = achieved_sizes(warped.grid), np.asarray(f.size(warped.grid.centres))
     assert np.corrcoef(np.log(achieved), np.log(wanted))[0, 1] > 0.9
 
 
@@ -360,7 +387,7 @@ def test_results_elsewhere_are_refused_with_both_places(vtu):
         function(read(vtu), points=INSIDE + 3 * np.eye(3)[1])
     said = str(failure.value)
     assert '"S" of results.vtu does not cover the part' in said
-    assert "(0, 0, 0) to (8, 4, 4) mm" in said and "same place" in said
+    assert "(0, 0, 0) to (8, 4, 4) mm" in said and said.endswith("same place.")
 
 
 def test_results_of_half_the_part_are_refused_and_a_missing_corner_is_not(vtu):
