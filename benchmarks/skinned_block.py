@@ -22,6 +22,7 @@ import fea
 from fea import TetMesh
 from fea.frame import FrameSolution, solve_frame
 from fea.ftetwild import tetrahedralise
+from texmap_opt.box import Box
 from texmap_opt.builtin_part import builtin_part
 from texmap_opt.case import DesignCase
 from texmap_opt.cells.catalogue import unit_cell
@@ -34,7 +35,6 @@ from texmap_opt.stress_field import stress_field
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.volume import lattice_volume
 from texmap_opt.trimmed_lattice import trimmed_lattice
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 
 HERE = Path(__file__).parent

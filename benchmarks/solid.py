@@ -237,7 +237,10 @@ def judged_table(result: dict[str, Any], note: str, number: str) -> list[str]:
     ]
     for row in result["targets"]:
         met = "met" if row["met"] else "**missed**"
-        value, limit, by_cpu = (number.format(row[key]) for key in ("value", "limit", "by_cpu"))
+        value, limit, by_cpu = (
+            row[key] if isinstance(row[key], str) else number.format(row[key])
+            for key in ("value", "limit", "by_cpu")
+        )
         lines.append(f"| {row['what']} | {value} | {limit} | {met} | {by_cpu} |")
     return lines
 

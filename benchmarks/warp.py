@@ -27,6 +27,8 @@ FIT_GB = {64: 8.0}
 CERTIFICATE_SECONDS = 0.5
 # Of a sweep over NumPy's: at least twice as fast.
 SWEEP_RATIO = 0.5
+# What a figure is worth: nodes of the two sweeps, in cells, and the derivative against a difference.
+SWEEP_DIFFERENCE, GRADIENT_DIFFERENCE = 1e-9, 1e-4
 
 
 @dataclass(frozen=True)
@@ -107,11 +109,19 @@ def child(run: Run) -> dict[str, Any]:
 def targets(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Figures to reach and those reached, by wall seconds; the same by CPU seconds for comparison.
 
-    A figure of a fit that stopped short of its tolerance is not met, however fast it was.
+    A figure of a run that failed, stopped short of its tolerance, or whose numbers differ from the
+    peer's is not met, however fast it was.
     """
     found = []
-    for row in (row for row in runs if "failure" not in row):
+    for row in runs:
+        if "failure" in row:
+            found.append(
+                {"what": _named(row), "value": "failed", "limit": "", "met": False, "by_cpu": ""}
+            )
+            continue
         sound = row.get("converged", True) and row.get("folded_cells", 0) == 0
+        if row["run"] == "sweeps":
+            sound &= row["difference"] < SWEEP_DIFFERENCE
         wall, cpu = figures(row, "wall_s"), figures(row, "cpu_s")
         found += [
             {
@@ -143,6 +153,9 @@ def figures(row: dict[str, Any], kind: str) -> list[tuple[str, float, float]]:
         seconds = spent["coefficients"] + spent["folded"]
         what = f"certificate of {row['cells_certified']:,} cells [s]"
         found.append((what, round(seconds, 3), CERTIFICATE_SECONDS))
+    if row["run"] == "gradient":
+        what = "derivative through the minimiser against a central difference, relative"
+        found.append((what, row["difference"], GRADIENT_DIFFERENCE))
     if row["run"] == "sweeps" and cells == 64:
         for weights in ("printed", "midpoint"):
             ratio = spent[weights] / spent[f"{weights}, NumPy"]
@@ -202,8 +215,12 @@ def markdown(result: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _named(row: dict[str, Any]) -> str:
+    return f"{row['run']}, {row['subject']}, {row['cells']}³"
+
+
 def _line(row: dict[str, Any]) -> str:
-    name = f"{row['run']}, {row['subject']}, {row['cells']}³"
+    name = _named(row)
     if "failure" in row:
         return f"| {name} | | {row['failure']} |||||||||"
     columns = ("steps", "objective", "size_slope", "size_correlation", "min_jacobian")

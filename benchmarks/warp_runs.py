@@ -14,9 +14,9 @@ from scipy.ndimage import map_coordinates
 from scipy.optimize import OptimizeResult, minimize
 from stopwatch import Stopwatch, peak_memory_gb
 
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.alignment import NoShear, Unaligned
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.inverse_map import grid_coordinates, positions_at

@@ -239,6 +239,11 @@ class EffectiveStiffness:
         return self._share(self.C - nearest)
 
     @property
+    def is_cubic(self) -> bool:
+        """Whether the stiffness is cubic along the axes, to `HAS_SYMMETRY` of its size."""
+        return self.departure_from_cubic <= HAS_SYMMETRY
+
+    @property
     def departure_from_orthotropy(self) -> float:
         """Norm of what couples normal stress and shear, or shears, over the norm of the tensor."""
         rest = self.C.copy()
@@ -257,7 +262,7 @@ class EffectiveStiffness:
         Raises:
             FeaError: when the stiffness is not cubic along the axes.
         """
-        if self.departure_from_cubic > HAS_SYMMETRY:
+        if not self.is_cubic:
             raise FeaError(
                 f"Zener's ratio is defined for cubic stiffness, from which this one differs by "
                 f"{self.departure_from_cubic:.2g} of its size, limit {HAS_SYMMETRY:g}; use "

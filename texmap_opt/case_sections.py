@@ -194,6 +194,8 @@ class WarpSection:
         choice("uniform", "best-uniform", "successive-approximation", "least-squares", "optimised"),
         "how the grid is warped",
         default="least-squares",
+        later='"best-uniform" and "optimised" are not offered yet; give another.',
+        not_yet=("best-uniform", "optimised"),
     )
     driver: tuple[str, ...] = key(
         choices(*STRESS_DRIVERS, "file", "paint"),
@@ -224,22 +226,25 @@ class WarpSection:
     )
     exponent: float = key(number(above=0.0, most=4.0), "wanted size ~ f^-exponent", default=1.0)
     contrast: float = key(
-        number(least=1.0, most=10.0), "largest over smallest wanted cell size", default=3.0
+        number(least=1.0, most=10.0),
+        "bound on the largest over the smallest wanted cell size",
+        default=3.0,
     )
     smoothing_cells: float = key(
         number(least=0.5, most=10.0),
-        "standard deviation of the smoothing of f, in edges of a uniform cell",
+        "standard deviation of the smoothing of f, in edges of a uniform cell; paint fades over 4.7 "
+        "of these",
         default=1.0,
     )
     alignment: float = key(
         number(least=0.0),
-        "weight of turning cells along the stress; 0: none (least-squares)",
+        "weight of turning cells by the stress; 0: none turn; try 30, then 100 (least-squares)",
         default=0.0,
     )
     target: str = key(
         choice("energy", "axes"),
-        "what alignment aims at; energy: the way the unit cell is stiffest; axes: cell axes along the "
-        "principal stresses",
+        "what alignment aims at, so nothing while that is 0; energy: the way the unit cell is "
+        "stiffest; axes: cell axes along the principal stresses",
         default="energy",
     )
     margin_cells: int = key(whole(least=0), "cells added around the part on every side", default=1)
@@ -301,7 +306,8 @@ class PaintSection:
     region: dict = key(table(), "where: see Regions; in space, so not `normal`")
     value: float = key(
         number(above=0.0),
-        "f in the region; 1 elsewhere, so 2 asks for cells half as large at exponent 1",
+        "f in the region; 1 elsewhere, so 2 asks for cells half as large at exponent 1; the ratio asked "
+        "for never exceeds `contrast`",
     )
     falloff_mm: float = key(
         number(least=0.0),

@@ -27,16 +27,25 @@ class Kind:
     read: Callable[[Any], Any]
 
 
-def key(kind: Kind, doc: str, *, default: Any = MISSING, later: str = "") -> Any:
+def key(
+    kind: Kind,
+    doc: str,
+    *,
+    default: Any = MISSING,
+    later: str = "",
+    not_yet: tuple[Any, ...] = (),
+) -> Any:
     """Declare one key of a section.
 
     Args:
         kind: what it accepts.
         doc: one line for docs/case.md, with the unit's meaning.
         default: value when absent; left out, the key is required.
-        later: why values other than the default are refused for now; empty when they are not.
+        later: why values are refused for now; empty when none are.
+        not_yet: which; empty: all but the default.
     """
-    return dataclasses.field(default=default, metadata={"kind": kind, "doc": doc, "later": later})
+    metadata = {"kind": kind, "doc": doc, "later": later, "not_yet": not_yet}
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 def read_section(
@@ -76,8 +85,9 @@ def _value(declared: dataclasses.Field, value: Any, where: str) -> Any:
         read = kind.read(value)
     except ValueError as failure:
         raise CaseError(f"{where} = {value!r}: {failure}") from failure
-    if declared.metadata["later"] and read != declared.default:
-        raise CaseError(f"{where} = {value!r}: {declared.metadata['later']}")
+    later, not_yet = declared.metadata["later"], declared.metadata["not_yet"]
+    if later and (read in not_yet if not_yet else read != declared.default):
+        raise CaseError(f"{where} = {value!r}: {later}")
     return read
 
 

@@ -8,9 +8,6 @@ from texmap_opt.errors import CaseError, nearest_name
 from texmap_opt.region_table import region_from_table
 from texmap_opt.warping_function.painted import PaintedRegion
 
-# Methods of the contract that are not there yet.
-NOT_YET = ("best-uniform", "optimised")
-
 
 def painted_regions(
     sections: list[PaintSection], file: str, base: Path
@@ -58,11 +55,6 @@ def check_warp(
     Raises:
         CaseError: for keys that contradict each other.
     """
-    if warp.method in NOT_YET:
-        raise CaseError(
-            f'{file}: [warp] method = "{warp.method}": is not offered yet; use "uniform", '
-            '"successive-approximation" or "least-squares".'
-        )
     for driver, table, given in (
         ("paint", "[[paint]]", bool(paint)),
         ("file", "[imported]", imported is not None),

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from texmap_opt.box import Box
 from texmap_opt.case import DesignCase
 from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.errors import CaseError
 from texmap_opt.structure.map import map_structure
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 
 # A grid above this many cells holds more struts than the program has been tried with.

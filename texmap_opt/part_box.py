@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
+from texmap_opt.box import Box, principal_axes
 from texmap_opt.case import DesignCase
 from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.warp.box import Box, principal_axes
 
 # Principal moments whose relative difference is below this count as equal: a round bar in facets,
 # coordinates in single precision, a square section.

@@ -42,7 +42,9 @@ radius_mm = 0.5                 # or relative_density = 0.15
 
 [warp]
 method = "least-squares"        # uniform | successive-approximation | least-squares
-contrast = 3.0                  # largest over smallest wanted cell
+contrast = 3.0                  # largest over smallest wanted cell, at most
+alignment = 0                   # cells turn by the stress: try 30, then 100
+# docs/warp.md: painted regions and results of other programs as drivers
 
 [sizing]
 method = "optimality-criteria"  # none | optimality-criteria | mma

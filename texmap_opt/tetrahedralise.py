@@ -158,7 +158,7 @@ def _fault(mesh: TetMesh, part: Part, edge_mm: float, envelope: float) -> str | 
     change = mesh.volume / part.volume - 1
     if abs(change) > VOLUME_TOLERANCE:
         return (
-            f"the tet mesh has {100 * change:+.2g} % of the part's volume, more than "
+            f"the tet mesh differs from the part's volume by {100 * change:+.2g} %, more than "
             f"{100 * VOLUME_TOLERANCE:g} %; take a smaller edge_mm than {edge_mm:g}."
         )
     boundary = np.unique(mesh.boundary_facets)

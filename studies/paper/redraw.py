@@ -16,6 +16,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from texmap_opt.box import Box
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.combine.part_with_lattice import plate_result, rod_result
 from texmap_opt.errors import TexmapError
@@ -29,7 +30,6 @@ from texmap_opt.solid.validity import validity
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.trim import trim
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.cell_volumes import equivalent_edges
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares

@@ -35,7 +35,7 @@ PARTS = ("cantilever", "l-bracket", "torsion-bar")
 CELLS = ("octet", "cube")
 CELL_MM, RADIUS = 5.0, 0.1  # the radius in cell edges
 CONTRASTS = (1.5, 3.0)
-MAX_STEPS = 500
+MAX_STEPS = 1000
 # Where turning could save less than this share of the energy, shares of it mean nothing.
 NOTHING_TO_GAIN = 0.01
 # Of the picture: cubes turned the worst way have ten times the energy.

@@ -13,7 +13,7 @@ from drawn_grids import panels, save
 from jaxtyping import Float
 from kept_results import IMAGES, Row, markdown, started
 
-from texmap_opt.warp.box import Box
+from texmap_opt.box import Box
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
 from texmap_opt.warp.quality import achieved_sizes

@@ -18,7 +18,7 @@ from drawn_grids import panels, save
 from kept_results import IMAGES, Row, markdown, started
 from scipy.ndimage import gaussian_filter
 
-from texmap_opt.warp.box import Box
+from texmap_opt.box import Box
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
@@ -36,8 +36,8 @@ SPACING = 0.04
 CONTRAST, NO_LIMIT = 3.0, 1e6
 # A swinging iteration never rests; what settles has long done so.
 SWEEPS = 6000
-# Trial grids of least squares; twice as many with a size weight of 1.
-STEPS = 300
+# Trial grids of least squares.
+STEPS = 1000
 
 
 def iteration(weights: str, relaxation: float) -> SuccessiveApproximation:
@@ -53,7 +53,7 @@ METHODS: dict[str, tuple[AbstractWarp, float]] = {
     "printed, f unlimited": (iteration("printed", 0.5), NO_LIMIT),
     "midpoint, f unlimited": (iteration("midpoint", 0.5), NO_LIMIT),
     "least-squares": (LeastSquares(max_steps=STEPS), CONTRAST),
-    "least-squares, size_weight 1": (LeastSquares(1.0, max_steps=2 * STEPS), CONTRAST),
+    "least-squares, size_weight 1": (LeastSquares(1.0, max_steps=STEPS), CONTRAST),
 }
 
 
@@ -69,9 +69,10 @@ class Kind:
         return f"sigma {self.sigma:g}, l {self.length:g}, {self.nodes}³ nodes"
 
     def f(self, seed: int, contrast: float) -> WarpingFunction:
-        """A rough field; the same noise for every kind."""
+        """A rough field; grids of both sizes get the same one."""
         grid = BackgroundGrid.covering(UNIT_CUBE, SPACING)
-        noise = np.random.default_rng(seed).standard_normal(grid.shape)
+        own = [seed, round(100 * self.sigma), round(100 * self.length)]
+        noise = np.random.default_rng(own).standard_normal(grid.shape)
         # White noise filtered by a Gaussian of width l / sqrt(2) has the correlation exp(-r²/2l²).
         log_f = gaussian_filter(noise, self.length / SPACING / np.sqrt(2), mode="reflect")
         log_f *= self.sigma / log_f.std()

@@ -1,14 +1,19 @@
 """Results of a study that are kept from run to run, and the Markdown table made of them."""
 
 import argparse
+import hashlib
 import json
+import os
+import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jax
 
 HERE = Path(__file__).parent
+PACKAGES = ("numpy", "scipy", "jax", "optimistix")
 IMAGES = HERE.parents[1] / "docs" / "images"
 
 # Smaller numbers are zero and rounding.
@@ -20,16 +25,29 @@ Row = dict[str, Any]
 class KeptResults:
     """Rows of numbers by name, written after each one, so that a study can be stopped and resumed.
 
+    Rows of another code are kept, and said to be: the study may take hours, and most changes do not
+    touch it.
+
     Attributes:
         path: results/NAME.json.
         rows: what is known.
+        made_by: code, versions and cores by which.
     """
 
     def __init__(self, name: str, *, again: bool):
         self.path = HERE / "results" / f"{name}.json"
         self.rows: dict[str, Row] = {}
+        self.made_by = made_by()
         if self.path.exists() and not again:
-            self.rows = json.loads(self.path.read_text(encoding="utf-8"))
+            kept = json.loads(self.path.read_text(encoding="utf-8"))
+            self.rows = kept["rows"]
+            if kept["made_by"] != self.made_by:
+                print(
+                    f"{self.path.name}: made by {kept['made_by']}, not by {self.made_by}; "
+                    "--again measures anew.",
+                    file=sys.stderr,
+                )
+                self.made_by = kept["made_by"]
 
     def row(self, key: str, measure: Callable[[], Row]) -> Row:
         """The row of that name: an earlier run's, or measured now."""
@@ -38,15 +56,28 @@ class KeptResults:
             self.path.parent.mkdir(exist_ok=True)
             half_written = self.path.with_suffix(".part")
             lines = [f"{json.dumps(name)}: {json.dumps(row)}" for name, row in self.rows.items()]
-            half_written.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+            head = f'{{"made_by": {json.dumps(self.made_by)},\n"rows": {{\n'
+            half_written.write_text(head + ",\n".join(lines) + "\n}}\n", encoding="utf-8")
             half_written.replace(self.path)
             print(key, self.rows[key], flush=True)
         return self.rows[key]
 
     def write_table(self, table: str) -> None:
         """Writes results/NAME.md."""
-        self.path.with_suffix(".md").write_text(table + "\n", encoding="utf-8")
-        print(table)
+        text = f"{table}\n\nMade by {self.made_by}.\n"
+        self.path.with_suffix(".md").write_text(text, encoding="utf-8")
+        print(text)
+
+
+def made_by() -> str:
+    """Hash of the sources that the numbers hang on, versions, and number of cores."""
+    package = HERE.parents[1] / "texmap_opt"
+    sources = [HERE, package / "warp", package / "warping_function"]
+    code = hashlib.sha256()
+    for source in sorted(path for folder in sources for path in folder.glob("*.py")):
+        code.update(source.read_bytes())
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return f"sources {code.hexdigest()[:8]}, {versions}, {os.cpu_count()} cores"
 
 
 def started(

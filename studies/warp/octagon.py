@@ -18,8 +18,8 @@ from kept_results import IMAGES, Row, markdown, started
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
+from texmap_opt.box import Box
 from texmap_opt.structure.map import multilinear
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
 from texmap_opt.warp.quality import quality

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from texmap_opt import DesignCase
+from texmap_opt.box import Box
 from texmap_opt.cache import StageCache
 from texmap_opt.part import Part, read_part
 from texmap_opt.stress_field import StressField, solid_solution, stress_field
 from texmap_opt.tet_source import part_tets
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 from texmap_opt.warping_function.size_law import SizeLaw

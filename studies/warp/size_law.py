@@ -83,6 +83,10 @@ def draw(rows: dict[str, Row], parts: list[str]) -> None:
     save(figure, IMAGES / "warp_size_law.png")
 
 
+def _not_given() -> PartStress:
+    raise SystemExit("Rows of a part are missing whose file is not given: give it with --part.")
+
+
 def main() -> None:
     """Measure what is not known yet; write the table and the figure."""
     kept, given = started(
@@ -99,9 +103,11 @@ def main() -> None:
         parts[given.part.stem] = partial(
             clamped_and_pressed, given.part, unit=given.unit, edge_mm=given.edge
         )
+    # Parts of other people's files stay in the table when their file is not given again.
+    known = dict.fromkeys([*parts, *(key.rsplit(", ", 1)[0] for key in kept.rows)])
     lines = []
-    for part, analysed in parts.items():
-        stressed = cache(analysed)
+    for part in known:
+        stressed = cache(parts.get(part, _not_given))
         for method, warp in METHODS.items():
             row = kept.row(
                 f"{part}, {method}",
@@ -132,7 +138,7 @@ def main() -> None:
         "converged",
     )
     kept.write_table(markdown(head, lines))
-    draw(kept.rows, list(parts))
+    draw(kept.rows, list(known))
 
 
 if __name__ == "__main__":

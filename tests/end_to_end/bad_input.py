@@ -66,7 +66,10 @@ def _importing(field: str, file: str = "field.csv", more: str = "") -> tuple[str
 
 
 def _results(
-    f: Callable[[np.ndarray], np.ndarray] = lambda points: 1 + points[:, 0], scale: float = 1.0
+    f: Callable[[np.ndarray], np.ndarray] = lambda points: 1 + points[:, 0],
+    *,
+    scale: float = 1.0,
+    names: str = "v",
 ) -> Callable[[Path], object]:
     """The sound box, and a table of values f all over it whose coordinates are scaled."""
     axes = [np.linspace(0, length, n) for length, n in zip((40, 20, 20), (9, 5, 5), strict=True)]
@@ -76,7 +79,9 @@ def _results(
 
     def write(path: Path) -> None:
         write_stl(path, BOX, FACES)
-        np.savetxt(path.with_name("field.csv"), table, delimiter=",", header="x,y,z,v", comments="")
+        np.savetxt(
+            path.with_name("field.csv"), table, delimiter=",", header=f"x,y,z,{names}", comments=""
+        )
 
     return write
 
@@ -140,9 +145,11 @@ BAD_INPUTS = (
     BadInput("imported field that is not there", _importing("mises"), part=_results(), says=("[imported]", "mises", '"v"')),
     BadInput("imported field that is not positive", _importing("v"), part=_results(lambda p: p[:, 0] - 1), says=("[imported]", "not positive")),
     BadInput("imported field with NaN", _importing("v"), part=_results(lambda p: np.sqrt(p[:, 0] - 1)), says=("[imported]", "not a finite number")),
+    BadInput("imported stress of zero", _importing("S"), part=_results(lambda p: np.zeros((len(p), 6)), names="S11,S22,S33,S12,S13,S23"), says=("[imported]", '"S" of field.csv', "zero at all 225 points")),
     BadInput("imported results in another unit", _importing("v"), part=_results(scale=0.1), says=("[imported]", "does not cover the part", '"cm"')),
     BadInput("anisotropy with an imported scalar", _importing("v", more="alignment = 10"), part=_results(), says=("alignment = 10", "tensor", "scalar")),
     BadInput("warp that does not come to rest", (FROM_CELLS, FROM_CELLS.replace("skin_mm = 1.0", 'skin_mm = 0\nkind = "plate"').replace('"uniform"', '"successive-approximation"\nmax_sweeps = 3')), code=0, says=("3 sweeps", "still moving")),
+    BadInput("least squares with too few steps", (FROM_CELLS, FROM_CELLS.replace("skin_mm = 1.0", 'skin_mm = 0\nkind = "plate"').replace('"uniform"', '"least-squares"\nmax_steps = 1')), code=0, says=("after 1 step ", "no folds", "allow more steps")),
 )  # fmt: skip
 
 
@@ -175,7 +182,7 @@ def table() -> str:
     lines = [
         "# What the program says to bad input\n",
         "Written by `python3 tests/end_to_end/bad_input.py > docs/bad-input.md`; a test checks each of",
-        "them. `DIR` is the case's folder. Nothing is left behind in the output folder.\n",
+        "them. `DIR` is the case's folder. Nothing is left behind in the output folder unless the code is 0.\n",
         "| fault | exit code | message |",
         "|---|---|---|",
     ]

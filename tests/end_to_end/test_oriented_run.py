@@ -1,15 +1,18 @@
 """A whole run in a turned box, driven by the part's stress and by paint together."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from sound_case import case_of
 
 from texmap_opt import run
+from texmap_opt.given_drivers import given_drivers
 from texmap_opt.run_result import Run
 from texmap_opt.warp.cell_volumes import equivalent_edges
-from texmap_opt.warp.warped_grid import WarpedGrid
+from texmap_opt.warp.grid import Grid
+from texmap_opt.warp.warped_grid import WarpedGrid, warped_grid
+from texmap_opt.warp_inputs import warp_inputs
 
 CENTRE = np.array([20.0, 10.0, 10.0])
 WARP = """method = "successive-approximation"
@@ -30,6 +33,15 @@ PLATE = ("skin_mm = 1.0", 'skin_mm = 1.0\nkind = "plate"')
 def done(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("oriented")
     return run(case_of(folder, PLATE, ('method = "uniform"\n', WARP)))
+
+
+def without_paint(done: Run) -> Grid:
+    """The warped grid of the same case with a painted value of 1."""
+    case, stress, rest = done.case, done.stress, done.warp.grid.at_rest
+    given = given_drivers(case, rest)
+    (region,) = given.paint
+    given = replace(given, paint=(replace(region, value=1.0),))
+    return warped_grid(warp_inputs(case, done.part, stress, rest, None, given)).grid
 
 
 def test_the_box_is_turned_and_its_cells_cover_the_part_along_its_axes(done: Run):
@@ -56,7 +68,10 @@ def test_painted_cells_are_smaller_and_nothing_folds(done: Run):
     size = equivalent_edges(done.warp.grid.positions)
     centres = done.warp.grid.positions.reshape(-1, 3)[done.warp.grid.corners].mean(axis=1)
     nearest = np.argmin(np.linalg.norm(centres - CENTRE, axis=1))
-    assert size.ravel()[nearest] < 0.95 * size.max()
+    unpainted = equivalent_edges(without_paint(done).positions).ravel()[nearest]
+    # By 8 %: the sphere is as large as one of these cells, so its half size is asked for in the middle
+    # of one alone, and smoothed.
+    assert size.ravel()[nearest] < 0.95 * unpainted
     assert done.report["warp"]["folded_cells"] == 0
     assert done.warp.converged
 

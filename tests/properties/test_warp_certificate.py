@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from texmap_opt.warp.box import Box
+from texmap_opt.box import Box
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.grid import Grid
 

@@ -99,6 +99,18 @@ def test_the_reference_of_all_keys_is_up_to_date():
     assert (ROOT / "docs" / "case.md").read_text() == case_reference()
 
 
+@pytest.mark.parametrize("method", ["best-uniform", "optimised"])
+def test_a_method_that_is_not_offered_is_refused_in_the_words_of_the_reference(
+    tmp_path: Path, method: str
+):
+    text = CASE.replace('method = "uniform"', f'method = "{method}"')
+    with pytest.raises(CaseError) as refused:
+        DesignCase.from_toml(written(tmp_path, text))
+    value, words = str(refused.value).split(": ", 2)[1:]
+    assert f"*{words}*" in case_reference() and "not offered yet" in words
+    assert method in value
+
+
 def test_material_constants_override_a_named_material(tmp_path: Path):
     text = CASE.replace('name = "PA12"', 'name = "PA12"\nyield_MPa = 12.0')
     case = DesignCase.from_toml(written(tmp_path, text))

@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 from sound_case import BOX as CORNERS
 from sound_case import FACES, case_of
 
+from texmap_opt.box import Box
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.errors import CaseError
 from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part_box import part_box, principal_axes_of_solid
 from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.warp.box import Box
 
 MIDDLE = np.array([7.0, -3.0, 11.0])
 BOX = Box.aligned(np.array([[0.0, 0.0, 0.0], [40.0, 20.0, 20.0]]))

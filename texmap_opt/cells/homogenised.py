@@ -19,9 +19,6 @@ from texmap_opt.errors import CellError
 # Directions that crystallographers call [100], [110] and [111].
 DIRECTIONS = {"100": (1.0, 0.0, 0.0), "110": (1.0, 1.0, 0.0), "111": (1.0, 1.0, 1.0)}
 
-# Below this share of its size a stiffness that is not cubic is called so; rounding gives 1e-15.
-CUBIC = 1e-6
-
 
 @dataclass(frozen=True, eq=False)
 class HomogenisedCell:
@@ -54,7 +51,7 @@ class HomogenisedCell:
         bound = hashin_shtrikman_bound(1.0, self.nu, self.density)
         hill = effective.hill_average
         anisotropy = f"universal anisotropy {effective.universal_anisotropy:.4g}"
-        if effective.departure_from_cubic < CUBIC:
+        if effective.is_cubic:
             anisotropy = f"Zener ratio {effective.zener_ratio:.4g}, {anisotropy}"
         lines = [
             f"frame model, radius {self.radius:g} of the cell's edge, solid with E = 1 and nu = "

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from texmap_opt.box import Box
 from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 
 

@@ -159,9 +159,9 @@ WARP_SIZES = (
     Row("size_error", "error of the size (rms)", percent),
 )
 WARP_ANGLES = (
-    Row("mean_angle_deg", "mean angle to the stress axes", quantity("°", 3)),
-    Row("turn_deg", "to the nearest one, weighted", quantity("°", 3)),
+    Row("turn_deg", "angle to the nearest principal axis", quantity("°", 3)),
     Row("turn_uniform_deg", "the same, cells not turned", quantity("°", 3)),
+    Row("mean_angle_deg", "to the larger stress (depends on the order of axes)", quantity("°", 3)),
 )
 WARP_ENERGY = (
     Row("share", "share of the attainable gain", percent),

@@ -19,9 +19,6 @@ TARGETS = ("energy", "axes")
 # a best orientation; homogenised stiffnesses are exact to 1e-10 or so.
 ANISOTROPIC = 1e-6
 
-# Share of the anisotropic part of a compliance that may be missing from cubic symmetry.
-CUBIC = 1e-6
-
 # Voigt components in the plane of the first two axes: xx, yy, xy.
 IN_PLANE = np.array([0, 1, 5])
 
@@ -73,13 +70,14 @@ class Unaligned(AbstractAlignment):
 class NoShear(AbstractAlignment):
     """Cell axes along the principal stresses: in the cell's frame the stress has no shear.
 
-    Residuals sqrt(w) d_i.S d_j over the pairs of axes, d_i the unit mean edges and S the deviator:
-    blind to the sign, order and symmetry of the axes, and fading where the stress is isotropic.
+    Residuals sqrt(w) d_i.S d_j over the pairs of axes, d_i the unit mean edges and S the direction of
+    the stress: blind to the sign, order and symmetry of the axes, and fading where it is isotropic.
 
     Attributes:
         weight: w.
         by_energy: whether places count by their stress, S its deviator, as they do in the strain
-            energy; or all the same, S its direction.
+            energy, and a pair twice, for the stress has both components; then a weight means what
+            it means in `EqualStretch`.
     """
 
     weight: Float[Array, ""]
@@ -95,7 +93,8 @@ class NoShear(AbstractAlignment):
         S = f.deviator(points) if self.by_energy else f.direction(points)
         A = _in_frame(_directions(edges), S)
         pairs = [(i, j) for i in range(edges.shape[-1]) for j in range(i)]
-        return 0.5 * self.weight * jnp.sum(jnp.stack([A[i][j] ** 2 for i, j in pairs]))
+        counted = 2.0 if self.by_energy else 1.0
+        return 0.5 * self.weight * counted * jnp.sum(jnp.stack([A[i][j] ** 2 for i, j in pairs]))
 
 
 class EqualStretch(AbstractAlignment):
@@ -194,7 +193,7 @@ def alignment_for(
     turning = _turning_part(turned_compliance(stiffness, dimensions))
     if turning is None:
         return Unaligned()
-    if dimensions == 3 and stiffness.departure_from_cubic < CUBIC:
+    if dimensions == 3 and stiffness.is_cubic:
         return EqualStretch(w) if stiffness.zener_ratio > 1 else NoShear(w, by_energy=True)
     return LeastEnergy(w, jnp.asarray(turning))
 

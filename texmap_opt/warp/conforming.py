@@ -11,17 +11,19 @@ from jaxtyping import Array, Float, Int
 from texmap_opt.errors import WarpError
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.warp.grid import Grid
-from texmap_opt.warp.surface_layer import PartDistance, surface_layer
+from texmap_opt.warp.part_distance import PartDistance
+from texmap_opt.warp.surface_layer import surface_layer
 from texmap_opt.warping_function.background_grid import MAX_NODES, PADDING, BackgroundGrid
+from texmap_opt.warping_function.concrete import is_concrete
 from texmap_opt.warping_function.cubic_spline import CubicSpline
-from texmap_opt.warping_function.size_law import known, limited
+from texmap_opt.warping_function.size_law import limited
 
 # Distance at which the pull of the surface ends, in longest edges of a uniform cell. Nodes are
 # chosen within half a warped edge, which is seldom longer than two uniform ones.
 REACH = 2.0
 
 # Spacing of the distance field over the shortest edge of a uniform cell, and the factor by which it
-# grows until the field fits what a background grid may hold (finer only beyond 60^3 cells).
+# grows until the field fits what a background grid may hold (coarser only beyond 60^3 cells).
 SPACING, COARSER = 0.5, 1.05
 
 # Beyond this many limits the limited distance is constant to half a percent, and an estimate does.
@@ -66,14 +68,12 @@ class Conforming(eqx.Module):
         chosen: flat numbers of the nodes, see `surface_layer`.
         field: spline of phi [mm] in coordinates of the grid's box.
         edge: h, mean edge of a uniform cell [mm].
-        distance: the true distance, for the residual.
     """
 
     weight: Float[Array, ""]
     chosen: Int[Array, " samples"]
     field: CubicSpline
     edge: Float[Array, ""]
-    distance: PartDistance = eqx.field(static=True)
 
     @classmethod
     def of(cls, grid: Grid, surface: TriMesh, weight: float | Float[Array, ""]) -> "Conforming":
@@ -87,7 +87,7 @@ class Conforming(eqx.Module):
         Raises:
             WarpError: for a weight that is not positive, or if there is no such node.
         """
-        if known(weight) and not 0 < float(weight) < np.inf:
+        if is_concrete(weight) and not 0 < float(weight) < np.inf:
             raise WarpError(
                 f"The weight of the surface is {float(weight):g}, but must be a positive number: "
                 "give one such as 10, or switch conforming cells off."
@@ -109,7 +109,6 @@ class Conforming(eqx.Module):
             jnp.asarray(chosen),
             field,
             jnp.asarray(grid.uniform_edge.mean()),
-            distance,
         )
 
     def energy(self, nodes: Float[Array, " d *nodes"]) -> Float[Array, ""]:
@@ -117,10 +116,10 @@ class Conforming(eqx.Module):
         points = nodes.reshape(len(nodes), -1)[:, self.chosen].T
         return 0.5 * self.weight * jnp.sum((self.field(points)[:, 0] / self.edge) ** 2)
 
-    def measure(self, grid: Grid) -> ConformingResidual:
-        """The residual of a grid with as many nodes in the same box."""
+    def measure(self, grid: Grid, surface: TriMesh) -> ConformingResidual:
+        """The residual of a grid with as many nodes in the same box, by the surface itself."""
         nodes = grid.nodes.reshape(-1, grid.dimensions)[np.asarray(self.chosen)]
-        off, edge = np.abs(self.distance(nodes)), float(self.edge)
+        off, edge = np.abs(PartDistance(surface, grid.box)(nodes)), float(self.edge)
         largest, rms = float(off.max()), float(np.sqrt(np.mean(off**2)))
         return ConformingResidual(
             nodes=len(off),

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box
 
 
 @dataclass(frozen=True, eq=False)

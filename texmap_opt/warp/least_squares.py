@@ -23,7 +23,7 @@ from texmap_opt.warp.levels import coarser, prolonged
 from texmap_opt.warp.modes import SlidingModes
 from texmap_opt.warp.variables import Variables
 from texmap_opt.warp.warp import AbstractWarp, WarpResult, require_layers
-from texmap_opt.warping_function.size_law import known
+from texmap_opt.warping_function.concrete import is_concrete
 from texmap_opt.warping_function.warping_function import WarpingFunction
 
 # Steps L-BFGS remembers; each costs the memory of two grids. Rough fields need a third more steps
@@ -31,9 +31,10 @@ from texmap_opt.warping_function.warping_function import WarpingFunction
 HISTORY = 30
 
 # Where f is symmetric the uniform grid lies among symmetric grids, which the search would never leave
-# although the best of them may be a saddle. So it starts this far off, in variables of which 1 strains
-# cells by about 1.
-OFF_SYMMETRY = 1e-3
+# although the best of them may be a saddle; and cells that lie just the wrong way have no gradient to
+# turn. So the search starts this far off, in variables of which 1 strains cells by about 1. Under
+# torsion 0.1 is too little for cells to turn 45 degrees; 0.3 costs a few steps.
+OFF_SYMMETRY = 0.3
 
 # Grids on the way to the finest are solved to this gain only.
 GAIN_ON_THE_WAY = 1e-3
@@ -41,8 +42,9 @@ GAIN_ON_THE_WAY = 1e-3
 # The contrast is raised by at most this factor at a time, so that every start is near its end.
 CONTRAST_STEP = math.sqrt(3.0)
 
-# Gain below which a grid is perfect up to rounding.
-ROUNDING = 1e-20
+# Decrease of the objective, per component of a node, below which a grid is perfect: rounding of the
+# residuals, whose squares of order one cancel.
+ROUNDING = 1e-14
 
 # Newton's method on the gradient, for the derivative of the minimiser: it ends where a step moves
 # the variables (about 1 each where a cell is strained by 1) by less than this.
@@ -67,6 +69,9 @@ class LeastSquares(AbstractWarp):
         gtol: gain of another step, half the squared norm of the gradient in the variables over the
             objective, at which to stop.
         max_steps: trial grids of any one size after which to give up.
+
+    Raises:
+        WarpError: a weight of the size, tolerance or number of steps that is not positive.
     """
 
     size_weight: float | Float[Array, ""] = 10.0
@@ -75,6 +80,23 @@ class LeastSquares(AbstractWarp):
     surface_weight: float | Float[Array, ""] = 10.0
     gtol: float = 1e-4
     max_steps: int = 1000
+
+    def __check_init__(self) -> None:
+        if is_concrete(self.size_weight) and not 0 < float(self.size_weight) < math.inf:
+            raise WarpError(
+                f"The weight of the cells' size is {float(self.size_weight):g}, but must be a "
+                "positive number: it also keeps cells from folding; give one such as 10."
+            )
+        if not 0 < self.gtol < math.inf:
+            raise WarpError(
+                f"The least-squares warp's tolerance is {self.gtol:g}, but must be a positive number: "
+                "rounding lets no gain reach 0; give one such as 1e-4."
+            )
+        if self.max_steps < 1:
+            raise WarpError(
+                f"The least-squares warp may take {self.max_steps} steps, but needs at least 1: give a "
+                'number such as 1000, or use the method "uniform".'
+            )
 
     def fit(self, grid: Grid, f: WarpingFunction) -> WarpResult:
         """Minimises from the uniform grid over the box of `grid`.
@@ -92,24 +114,26 @@ class LeastSquares(AbstractWarp):
             **parts,
         }
         moved = end.moved(grid)
-        if problem.surface is not None:
-            measures |= vars(problem.surface.measure(moved))
+        if self.surface is not None and problem.surface is not None:
+            measures |= vars(problem.surface.measure(moved, self.surface))
         converged = end.gain < self.gtol
         message = ""
         if not converged:
             message = (
-                f"least-squares stopped after {end.steps} steps although another could lower the "
-                f"objective by {end.gain:.1e} of its value (limit {self.gtol:.0e}); the grid has no "
-                "folds but not the best: lower the contrast, smooth f more, or allow more steps."
+                f"least-squares stopped after {end.steps} step{'s' * (end.steps > 1)} although another "
+                f"could lower the objective by {end.gain:.1e} of its value (limit {self.gtol:.0e}); the "
+                "grid has no folds but is not the best: lower the contrast, smooth f more, or allow "
+                "more steps."
             )
         return WarpResult(moved, "least-squares", end.steps, converged, message, measures)
 
     def nodes(self, grid: Grid, f: WarpingFunction) -> Float[Array, "*nodes d"]:
         """The minimising nodes [mm], which JAX can differentiate.
 
-        By everything in `f` (the values it was built of, exponent, contrast), by `size_weight` and
-        by the weight of the alignment. The derivative is that of the implicit function: one solve
-        with the Hessian by conjugate gradients, however many steps the search took.
+        By everything in `f` (the values it was built of, exponent, contrast), by `size_weight`,
+        `surface_weight` and the weight of the alignment; which nodes follow the surface is taken as
+        given. The derivative is that of the implicit function: one solve with the Hessian by
+        conjugate gradients, however many steps the search took.
 
         The search runs on the host: `jax.grad`, `jax.jvp` and `jax.vjp` work, `jax.jit` and
         `jax.vmap` around it do not.
@@ -121,14 +145,20 @@ class LeastSquares(AbstractWarp):
         still = jax.tree_util.tree_map(
             lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, (self, f)
         )
-        if not all(known(leaf) for leaf in jax.tree_util.tree_leaves(still)):
+        if not all(is_concrete(leaf) for leaf in jax.tree_util.tree_leaves(still)):
             raise WarpError(
                 "The least-squares warp searches on the host and cannot be traced by jax.jit or "
                 "jax.vmap: take the derivative of a function that calls it, without either."
             )
         end, problem = still[0]._minimum(grid, still[1])
         variables = still[0]._variables(end.nodes, grid)
-        nodes, reached = _polished(self._problem(grid, f, problem.surface), variables)
+        # Built of the values without derivatives, like the search; the weight is to have one.
+        surface = problem.surface
+        if surface is not None:
+            weight = jnp.asarray(self.surface_weight, dtype=jnp.float64)
+            surface = eqx.tree_at(lambda conforming: conforming.weight, surface, weight)
+        problem = self._problem(grid, f, surface)
+        nodes, reached = _polished(problem, variables, end.energies.total)
         if not bool(reached):
             raise WarpError(
                 "Newton's method does not reach the minimum of the least-squares warp from a gain "
@@ -139,8 +169,12 @@ class LeastSquares(AbstractWarp):
     def _problem(
         self, grid: Grid, f: WarpingFunction, surface: Conforming | None = None
     ) -> LeastSquaresProblem:
-        return LeastSquaresProblem.of(
+        problem = LeastSquaresProblem.of(
             grid, f, size_weight=self.size_weight, alignment=self.alignment, surface=surface
+        )
+        # What came of Python's numbers has a weak type in JAX, for which all would be compiled again.
+        return jax.tree_util.tree_map(
+            lambda x: jnp.asarray(x, dtype=x.dtype) if eqx.is_array(x) else x, problem
         )
 
     def _minimum(self, grid: Grid, f: WarpingFunction) -> tuple["_Minimum", LeastSquaresProblem]:
@@ -222,9 +256,10 @@ class _Minimum(eqx.Module):
         """Estimated relative decrease of the objective by another step.
 
         The Hessian in the variables is about the identity, so a Newton step gains about half the
-        squared gradient.
+        squared gradient. Zero where that is rounding.
         """
-        return 0.5 * self.gradient_norm**2 / (float(self.energies.total) + ROUNDING)
+        gained = 0.5 * self.gradient_norm**2
+        return 0.0 if gained < ROUNDING * self.nodes.size else gained / float(self.energies.total)
 
 
 class _LBFGS(optx.AbstractLBFGS):
@@ -244,8 +279,8 @@ class _LBFGS(optx.AbstractLBFGS):
         self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
         """Whether the gain is below the tolerance; not before anything was evaluated."""
-        squared = jnp.sum(state.f_info.grad**2)
-        small = 0.5 * squared < self.gtol * state.f_info.f + ROUNDING
+        gained = 0.5 * jnp.sum(state.f_info.grad**2)
+        small = (gained < self.gtol * state.f_info.f) | (gained < ROUNDING * y.size)
         return ~state.first_step & small, state.result
 
 
@@ -274,17 +309,19 @@ def _descended(
         max_steps=max_steps,
         throw=False,
     )
-    norm = jnp.sqrt(jnp.sum(solution.state.f_info.grad**2))
-    return variables.at(solution.value), solution.stats["num_steps"], solution.aux, norm
+    # `solution.aux` is that of the step before the last.
+    end, norm = solution.state.aux, jnp.sqrt(jnp.sum(solution.state.f_info.grad**2))
+    return variables.at(solution.value), solution.stats["num_steps"], end, norm
 
 
 @eqx.filter_jit
 def _polished(
-    problem: LeastSquaresProblem, variables: Variables
+    problem: LeastSquaresProblem, variables: Variables, objective: Float[Array, ""]
 ) -> tuple[Float[Array, " d *nodes"], Bool[Array, ""]]:
     """The minimum near the origin of the variables by Newton's method, and whether it was reached.
 
-    As a function of the problem it is differentiable (implicitly).
+    As a function of the problem it is differentiable (implicitly). `objective` is that of the
+    origin; where none of the gradient is left, but the objective is higher, is a saddle or a fold.
     """
     solver = lx.CG(rtol=1e-10, atol=1e-14)
     solution = optx.root_find(
@@ -297,7 +334,11 @@ def _polished(
         max_steps=30,
         throw=False,
     )
-    return variables.at(solution.value), solution.result == optx.RESULTS.successful
+    nodes = variables.at(solution.value)
+    still = jax.tree_util.tree_map(jax.lax.stop_gradient, (problem, nodes))
+    rounding = ROUNDING * nodes.size
+    lower = still[0].energies(still[1]).total <= objective * (1 + ROUNDING) + rounding
+    return nodes, (solution.result == optx.RESULTS.successful) & lower
 
 
 def _energies_in_variables(

@@ -10,9 +10,9 @@ from jaxtyping import Array, Bool, Float
 from texmap_opt.warp.grid import Grid
 
 # Stiffness, over the alignment's weight, against an edge's turning out of its line. The residuals of
-# alignment couple the turnings of a cell's edges and differ from place to place with the stress;
-# this share stands for them: 1/10 takes two thirds of the steps away that 0 needs at a weight of
-# 100, and more stops early where the stress is small.
+# alignment couple the turnings of a cell's edges and differ from place to place with the stress; a
+# third, the mean square of a diagonal entry of a unit deviator, stands for them. Without it 12³
+# bending cells at a weight of 100 need 180 steps instead of 71, with 1 the search ends 0.02 % higher.
 TURNING = 0.3
 
 

@@ -14,21 +14,12 @@ nodes that are nearly on the surface are chosen too; the slab above holds them a
 """
 
 import itertools
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse
 from jaxtyping import Bool, Float, Int
 
-from texmap_opt.signed_distance import SignedDistance
-from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
-
-# Thickness that an extruded part is given, over its longest side: top and bottom are then farther
-# off than any wall, and a wall with a draft of 45 degrees is as far off as its cross-section to 1e-4.
-STRETCHED = 100.0
 
 # By how much the outer end of an edge must be nearer than the inner one to be chosen. Surfaces
 # half way between two layers of nodes are common, and rounding or the solver's tolerance must not
@@ -47,37 +38,6 @@ LEAST_SLOPE = 1 / 3
 # Least volume at a corner of a cell, over what it is now, when its node and all neighbours in the
 # cell have gone to the surface: zero where that is flat, one at the corner of a part.
 LEAST_CORNER = 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class PartDistance:
-    """Signed distance to a part's surface, or, in two dimensions, to its outline.
-
-    The outline is that of the cross-section half way along the extrusion. It is found by stretching
-    the part about that plane until its walls are normal to it and its ends out of reach.
-
-    Attributes:
-        surface: closed, counter-clockwise seen from outside [mm].
-        box: whose coordinates points are given in.
-    """
-
-    surface: TriMesh
-    box: Box
-
-    def __call__(self, points: Float[np.ndarray, "samples d"]) -> Float[np.ndarray, " samples"]:
-        """Distance [mm], negative inside, of points given by coordinates in the box [mm]."""
-        return self._query(self.box.positions(points))[0]
-
-    @cached_property
-    def _query(self) -> SignedDistance:
-        if self.box.dimensions == 3:
-            return SignedDistance(self.surface)
-        low, high = self.box.bounds[:, 2]
-        along = self.box.axes[2]
-        more = max(STRETCHED * float(self.box.extent.max()) / (high - low), 1.0) - 1.0
-        height = self.surface.vertices @ along - (low + high) / 2
-        stretched = self.surface.vertices + more * height[:, None] * along
-        return SignedDistance(TriMesh(stretched, self.surface.faces))
 
 
 def crossing_edges(grid: Grid, distance: Float[np.ndarray, " nodes"]) -> Int[np.ndarray, "_ 2"]:

@@ -13,9 +13,9 @@ class Variables(eqx.Module):
     """Nodes as a function of well-conditioned variables: x = x1 + J V A^(-1/2) z.
 
     V A^(-1/2) z (`SlidingModes`) is a displacement of the uniform grid that costs about |z|²/2. J,
-    the gradient of the grid about which z counts, carries it along: to first order a cell's size
-    then changes by the divergence of the displacement, whatever the cell's size, shape and
-    direction by now are. Without it a warped grid needs ten times as many steps.
+    the gradient of the grid about which z counts, carries it along: where that grid has the wanted
+    sizes, size over wanted size then changes by the divergence of the displacement to first order,
+    whatever the cell's size, shape and direction are (docs/theory/warp.md, 3.5).
 
     Attributes:
         modes: of the uniform grid.

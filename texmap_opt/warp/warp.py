@@ -4,6 +4,7 @@ import abc
 from dataclasses import dataclass, field
 
 import equinox as eqx
+import numpy as np
 
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.grid import Grid
@@ -46,7 +47,9 @@ def require_layers(grid: Grid, method: str) -> None:
         WarpError: if there is only one cell along an axis.
     """
     if min(grid.cells) < 2:
-        axis = "xyz"[grid.cells.index(min(grid.cells))]
+        thin = grid.cells.index(min(grid.cells))
+        along = np.abs(grid.box.axes[thin])
+        axis = "xyz"[int(np.argmax(along))] if along.max() > 1 - 1e-9 else f"axis {thin + 1}"
         raise WarpError(
             f"The grid has {' x '.join(map(str, grid.cells))} cells, only one along {axis}, so the "
             f'warp "{method}" has nothing to move there: give at least 2, a margin, or the method '

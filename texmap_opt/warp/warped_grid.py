@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from texmap_opt.box import Box
 from texmap_opt.endless_lattice import EndlessLattice
 from texmap_opt.warp.alignment import alignment_for
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.driving_function import driving_function
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares

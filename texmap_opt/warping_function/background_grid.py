@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box
 
 # Nodes beyond the box on each side. A cubic spline reads one node beyond its interval, and the
 # mirror condition at the grid's border fades by 0.27 per node: two leave 7 % of it at the box.

@@ -123,15 +123,14 @@ def read_csv(path: Path, where: str) -> CsvTable:
                 f"{where}: {path.name}, line {n}: has {found} entries for the {len(names)} columns "
                 f"named in the first line; separate all lines by the same sign."
             )
+    lines = [line for _, line in rows]
     try:
-        values = np.loadtxt(
-            [line for _, line in rows],
-            delimiter=separator,
-            ndmin=2,
-            quotechar='"',
-            comments=None,
-            usecols=numeric,
-        )
+        if '"' in text:
+            entries = (_entries(line, separator) for line in lines)
+            values = np.array([[_number(row[k]) for k in numeric] for row in entries])
+        else:
+            # Ten times as fast, but a quote behind a blank is no quote to it.
+            values = np.loadtxt(lines, delimiter=separator, ndmin=2, comments=None, usecols=numeric)
     except ValueError as failure:
         n, name, entry = _first_wrong(rows, separator, names, numeric)
         raise CaseError(
@@ -145,12 +144,18 @@ def _entries(line: str, separator: str) -> list[str]:
     return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
 
 
+def _number(entry: str) -> float:
+    if "_" in entry:  # which Python allows between digits
+        raise ValueError(entry)
+    return float(entry)
+
+
 def _is_number(entry: str) -> bool:
     try:
-        float(entry)
+        _number(entry)
     except ValueError:
         return False
-    return "_" not in entry  # which Python allows between digits
+    return True
 
 
 def _first_wrong(

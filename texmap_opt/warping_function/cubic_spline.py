@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from texmap_opt.errors import WarpError
 from texmap_opt.warping_function.background_grid import BackgroundGrid
@@ -57,19 +57,48 @@ class CubicSpline(eqx.Module):
     def __call__(self, points: Float[Array | np.ndarray, "samples d"]) -> Float[Array, "samples _"]:
         """Values at coordinates `points` [mm]; outside the grid the value at its border."""
         *shape, channels = self.coefficients.shape
-        # Four basis functions act along each axis, centred at its knots first - 1 .. first + 2.
-        last = jnp.asarray(shape, dtype=jnp.float64)[None] - 2.0
-        t = jnp.clip((jnp.asarray(points) - self.origin[None]) / self.spacing[None], 1.0, last)
-        first = jnp.minimum(jnp.floor(jax.lax.stop_gradient(t)), last - 1.0)
-        basis = cubic_basis(t - first)
-        corner = jnp.concat([first.astype(int) - 1, jnp.zeros((len(t), 1), dtype=int)], axis=1)
+        first, basis = self._taps(jnp.asarray(points))
+        corner = jnp.concat([first, jnp.zeros((len(first), 1), dtype=int)], axis=1)
         window = (*[4] * len(shape), channels)
         # Slices and sums: half the time of an index for every value and of products of matrices.
         value = jax.vmap(lambda c: jax.lax.dynamic_slice(self.coefficients, c, window))(corner)
         for axis in reversed(range(len(shape))):
-            taps = basis[:, axis].reshape(len(t), *[1] * axis, 4, 1)
+            taps = basis[:, axis].reshape(len(first), *[1] * axis, 4, 1)
             value = jnp.sum(value * taps, axis=-2)
         return value
+
+    def first_channel(self, points: Float[Array, "samples d"]) -> Float[Array, " samples"]:
+        """The first channel as a call gives it, fast at a great many points; not to differentiate.
+
+        The 4^d terms are written out, of which XLA makes one loop over the points that needs no
+        memory besides the result: at 274,625 points five times as fast as windows of 64
+        coefficients per point. The derivative of so many terms takes long to compile.
+        """
+        shape = self.coefficients.shape[:-1]
+        coefficients = self.coefficients[..., 0].reshape(-1)
+        first, basis = self._taps(points)
+        first = first.astype(jnp.int32)
+
+        def along(axis: int, flat: Int[Array, " samples"]) -> Float[Array, " samples"]:
+            """Sum over the splines of the axes from this one on; `flat` numbers those before it."""
+            if axis == len(shape):
+                return coefficients.at[flat].get(mode="promise_in_bounds")
+            terms = (
+                basis[:, axis, tap] * along(axis + 1, flat * shape[axis] + first[:, axis] + tap)
+                for tap in range(4)
+            )
+            return sum(terms, start=jnp.zeros(len(points)))
+
+        return along(0, jnp.zeros(len(points), dtype=jnp.int32))
+
+    def _taps(
+        self, points: Float[Array, "samples d"]
+    ) -> tuple[Int[Array, "samples d"], Float[Array, "samples d 4"]]:
+        """Number of the first of the four basis functions that act along each axis; their values."""
+        last = jnp.asarray(self.coefficients.shape[:-1], dtype=jnp.float64)[None] - 2.0
+        t = jnp.clip((points - self.origin[None]) / self.spacing[None], 1.0, last)
+        knot = jnp.minimum(jnp.floor(jax.lax.stop_gradient(t)), last - 1.0)
+        return knot.astype(int) - 1, cubic_basis(t - knot)
 
 
 def _values_at_nodes(n: int) -> Float[np.ndarray, "controls controls"]:

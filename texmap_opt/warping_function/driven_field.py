@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 
 from texmap_opt.errors import WarpError, nearest_name
 from texmap_opt.warping_function.background_grid import BackgroundGrid
-from texmap_opt.warping_function.size_law import SizeLaw, known
-from texmap_opt.warping_function.warping_function import WarpingFunction, require_positive
+from texmap_opt.warping_function.concrete import is_concrete
+from texmap_opt.warping_function.size_law import SizeLaw
+from texmap_opt.warping_function.warping_function import WarpingFunction, log_of_formula
 
 # Exponent of the norm that stands for a maximum: smooth, and at most 2^(1/16) = 4 % above the
 # larger of two.
@@ -94,12 +95,9 @@ def formula_field(
         grid: the background grid; a tenth of the shortest wave of f is fine enough a spacing.
 
     Raises:
-        WarpError: if f is not positive and finite somewhere.
+        WarpError: if f is not positive and finite somewhere, or gives not one value a point.
     """
-    values = f(grid.positions.reshape(-1, 3)).reshape(grid.shape)
-    if known(values):
-        require_positive(np.asarray(values))
-    return DrivenField(jnp.log(jnp.asarray(values)), None, jnp.zeros((*grid.shape, 0)))
+    return DrivenField(log_of_formula(f, grid), None, jnp.zeros((*grid.shape, 0)))
 
 
 def _check(
@@ -114,7 +112,7 @@ def _check(
             f"There are {len(fields)} drivers but {len(weights)} weights; give one for each."
         )
     for weight in weights:
-        if known(weight) and not 0 < float(weight) < math.inf:
+        if is_concrete(weight) and not 0 < float(weight) < math.inf:
             raise WarpError(
                 f"A driver's weight is {float(weight):g}, but must be a positive number; leave the "
                 "driver out instead of giving it none."

@@ -95,7 +95,8 @@ def read_imported(
 
     Raises:
         CaseError: a file that cannot be read; no such field (with those there are); another number of
-            components than 1, 6 or 9; values that are not finite, or, of a scalar, not positive.
+            components than 1, 6 or 9; values that are not finite, or, of a scalar, not positive; a
+            stress that is zero everywhere.
     """
     suffix = path.suffix.lower()
     if unit not in MM_PER_UNIT:
@@ -154,8 +155,8 @@ def imported_driver(
         measure: scalar of a stress; not used for a scalar.
 
     Raises:
-        CaseError: if the results do not cover the part.
-        WarpError: if the stress is zero everywhere.
+        CaseError: if the results do not cover the part, or are a stress of zero all over it.
+        WarpError: if the measure of the stress is zero everywhere.
     """
     _require_cover(imported, part_points)
     near = _within(grid, imported.points)
@@ -163,6 +164,7 @@ def imported_driver(
         imported.points[near], imported.volumes[near], imported.values[near],
     )  # fmt: skip
     if imported.is_stress:
+        _require_stress(values, imported.name, imported.where)
         samples = StressSamples(points, volumes, values[None])
         return stress_driver(samples, grid, smoothing_mm=smoothing_mm, measure=measure)
     at = grid.box.coordinates(points)
@@ -201,12 +203,23 @@ def _usable(
                 f"{where}: {name} is a tensor whose halves differ by up to {skew:.3g}, so no stress; "
                 "give the stress."
             )
-        return vector(tensors)
-    if components == 6:
-        return values if found.labelled else values[:, ORDERS[order]]
-    raise CaseError(
-        f"{where}: {name} has {components} components; give a scalar, or a stress with 6 or 9."
-    )
+        values = vector(tensors)
+    elif components != 6:
+        raise CaseError(
+            f"{where}: {name} has {components} components; give a scalar, or a stress with 6 or 9."
+        )
+    elif not found.labelled:
+        values = values[:, ORDERS[order]]
+    _require_stress(values, name, where)
+    return values
+
+
+def _require_stress(values: Float[np.ndarray, "samples 6"], name: str, where: str) -> None:
+    if not values.any():
+        raise CaseError(
+            f"{where}: {name} is zero at all {len(values)} points, so it drives nothing; export the "
+            "results of a step in which the part is loaded, or take another field."
+        )
 
 
 def _within(

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from texmap_opt.box import Box
 from texmap_opt.errors import CaseError
 from texmap_opt.region import AbstractRegion
-from texmap_opt.warp.box import Box
 from texmap_opt.warping_function.background_grid import BackgroundGrid
+from texmap_opt.warping_function.concrete import is_concrete
 from texmap_opt.warping_function.driven_field import DrivenField
-from texmap_opt.warping_function.size_law import known
 
 # Least width of the fall-off, in smoothing lengths: 15/8 sqrt(2 pi) = 4.7. The smoothstep is then no
 # steeper anywhere than a jump that was convolved with the Gaussian.
@@ -37,7 +37,7 @@ class PaintedRegion:
     where: str
 
     def __post_init__(self) -> None:
-        if known(self.value) and not 0 < float(self.value) < math.inf:
+        if is_concrete(self.value) and not 0 < float(self.value) < math.inf:
             raise CaseError(
                 f"{self.where} value = {float(self.value):g}: is a factor on f, so must be a positive "
                 "number; give 2 for cells half as large."

@@ -4,10 +4,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from texmap_opt.errors import WarpError
+from texmap_opt.warping_function.concrete import is_concrete
 
 # Sharpness of the contrast limit v (1 + |v/L|^8)^(-1/8): at half the limit v is left alone to
 # 0.05 %, at the limit it is cut to 92 %, and all derivatives the solver takes exist.
@@ -43,12 +43,12 @@ class SizeLaw(eqx.Module):
     contrast: float | Float[Array, ""] = 3.0
 
     def __check_init__(self) -> None:
-        if known(self.exponent) and not 0 < float(self.exponent) < np.inf:
+        if is_concrete(self.exponent) and not 0 < float(self.exponent) < np.inf:
             raise WarpError(
                 f"The warp's exponent is {float(self.exponent):g}, but must be a positive number: "
                 'give one (1 is usual), or use the method "uniform".'
             )
-        if known(self.contrast) and not 1 <= float(self.contrast) < np.inf:
+        if is_concrete(self.contrast) and not 1 <= float(self.contrast) < np.inf:
             raise WarpError(
                 f"The warp's contrast is {float(self.contrast):g}, but is the ratio of the largest "
                 "to the smallest cell and must be at least 1: give a number such as 3."
@@ -59,11 +59,6 @@ class SizeLaw(eqx.Module):
         """L: half the width of the window of log f."""
         # 1e-9 instead of zero for contrast 1: constant to nine digits and no division by zero.
         return jnp.maximum(jnp.log(self.contrast) / (2.0 * jnp.asarray(self.exponent)), 1e-9)
-
-
-def known(value: object) -> bool:
-    """Whether a number or array has its value now, and is not traced by a transformation of JAX."""
-    return not isinstance(value, Tracer)
 
 
 def limited(v: Float[Array, " *_"], limit: Float[Array, ""]) -> Float[Array, " *_"]:

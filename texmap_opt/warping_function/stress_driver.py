@@ -12,13 +12,13 @@ from fea.tet_mesh import TetMesh
 from fea.voigt import principal_values, turned_stress, von_mises
 from texmap_opt.errors import WarpError, nearest_name
 from texmap_opt.warping_function.background_grid import BackgroundGrid
+from texmap_opt.warping_function.concrete import is_concrete
 from texmap_opt.warping_function.driven_field import DrivenField
 from texmap_opt.warping_function.normalised_convolution import (
     deposit,
     normalised_convolution,
     presence,
 )
-from texmap_opt.warping_function.size_law import known
 
 # Stress below this part of its root mean square over the volume carries no information: it is
 # discretisation error there, and its logarithm would outweigh everything around it.
@@ -134,7 +134,7 @@ def stress_driver(
     stress, volumes = samples.weighted, jnp.asarray(samples.volumes)
     of_case = measure(stress)
     f = jnp.max(of_case, axis=0) if combine_cases == "worst" else jnp.sum(of_case, axis=0)
-    if known(f):
+    if is_concrete(f):
         _require_drive(f, stress, measure)
     fields = _fields(f, stress, volumes, jnp.asarray(grid.box.axes))
     points = grid.box.coordinates(samples.points)

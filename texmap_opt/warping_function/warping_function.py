@@ -8,11 +8,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from fea.voigt import tensor
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box
 from texmap_opt.warping_function.background_grid import BackgroundGrid
+from texmap_opt.warping_function.concrete import is_concrete
 from texmap_opt.warping_function.cubic_spline import CubicSpline
-from texmap_opt.warping_function.size_law import SizeLaw, known, limited, window_centre
+from texmap_opt.warping_function.size_law import SizeLaw, limited, window_centre
 
 # Points per axis of the midpoint rule that normalises the size, at least and at most. The field is
 # smooth over two of them wherever the limits do not bind.
@@ -105,13 +106,10 @@ class WarpingFunction(eqx.Module):
             law: exponent and contrast.
 
         Raises:
-            WarpError: if f is not positive and finite somewhere.
+            WarpError: if f is not positive and finite somewhere, or gives not one value a point.
         """
         grid = BackgroundGrid.covering(box, spacing_mm)
-        values = f(grid.positions.reshape(-1, 3)).reshape(grid.shape)
-        if known(values):
-            require_positive(np.asarray(values))
-        return cls.on_grid(grid, jnp.log(jnp.asarray(values)), law)
+        return cls.on_grid(grid, log_of_formula(f, grid), law)
 
     @property
     def cases(self) -> int:
@@ -150,23 +148,17 @@ class WarpingFunction(eqx.Module):
         case with more stress at a point has more say there. Small where the stress is isotropic and
         where there is next to none.
         """
-        stress = self.stress(points)
+        d = self.log_f.origin.shape[0]
+        stress = self.stress(points)[..., :d, :d]
         scale = jnp.sqrt(jnp.sum(stress**2, axis=(0, 2, 3)) + DIRECTION_FLOOR**2)
-        return self._deviator_of(stress) / scale[None, :, None, None]
+        return _deviator(stress) / scale[None, :, None, None]
 
     def deviator(
         self, points: Float[Array | np.ndarray, "samples d"]
     ) -> Float[Array, "cases samples d d"]:
         """`stress` without its mean normal component, in two dimensions what is in the plane."""
-        return self._deviator_of(self.stress(points))
-
-    def _deviator_of(
-        self, stress: Float[Array, "cases samples 3 3"]
-    ) -> Float[Array, "cases samples d d"]:
         d = self.log_f.origin.shape[0]
-        inside = stress[..., :d, :d]
-        mean = jnp.trace(inside, axis1=-2, axis2=-1)[..., None, None] / d
-        return inside - mean * jnp.eye(d)[None, None]
+        return _deviator(self.stress(points)[..., :d, :d])
 
     def softened(self, share: float) -> "WarpingFunction":
         """The function whose wanted size is this one's to the power `share`."""
@@ -178,6 +170,33 @@ class WarpingFunction(eqx.Module):
 
     def _limited(self, points: Float[Array | np.ndarray, "samples d"]) -> Float[Array, " samples"]:
         return limited(self.log_f(points)[:, 0] - self.centre, self.limit)
+
+
+def log_of_formula(
+    f: Callable[[Float[np.ndarray, "samples 3"]], Float[Array | np.ndarray, "..."]],
+    grid: BackgroundGrid,
+) -> Float[Array, "*controls"]:
+    """The logarithm of a formula for f at the nodes of a background grid.
+
+    Raises:
+        WarpError: if f is not positive and finite somewhere, or gives not one value a point.
+    """
+    points = grid.positions.reshape(-1, 3)
+    values = jnp.asarray(f(points))
+    if values.shape != (len(points),):
+        raise WarpError(
+            f"The formula for f gives an array of shape {values.shape} for {len(points)} points; it "
+            "must give one value for each."
+        )
+    if is_concrete(values):
+        require_positive(np.asarray(values))
+    return jnp.log(values).reshape(grid.shape)
+
+
+def _deviator(stress: Float[Array, "cases samples d d"]) -> Float[Array, "cases samples d d"]:
+    d = stress.shape[-1]
+    mean = jnp.trace(stress, axis1=-2, axis2=-1)[..., None, None] / d
+    return stress - mean * jnp.eye(d)[None, None]
 
 
 @eqx.filter_jit
@@ -229,7 +248,7 @@ def require_positive(f: Float[np.ndarray, "*_"]) -> None:
 def _require_finite(
     log_f: Float[Array | np.ndarray, "..."], stress: Float[Array | np.ndarray, "..."]
 ) -> None:
-    bad = sum(int(np.sum(~np.isfinite(np.asarray(v)))) for v in (log_f, stress) if known(v))
+    bad = sum(int(np.sum(~np.isfinite(np.asarray(v)))) for v in (log_f, stress) if is_concrete(v))
     if bad:
         raise WarpError(
             f"The warping function has {bad} values that are not finite numbers or not positive: "

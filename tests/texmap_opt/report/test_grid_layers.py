@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from texmap_opt.box import Box
 from texmap_opt.report.grid_layers import grid_layers, plane_section
 from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)

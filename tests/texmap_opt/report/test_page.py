@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from texmap_opt.box import Box
 from texmap_opt.report.grid_layers import grid_layers
 from texmap_opt.report.page import write_page
 from texmap_opt.report.plots import MOST_POLYGONS, PlotData
 from texmap_opt.solid.tri_mesh import TriMesh
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 
 REPORT = {
@@ -43,6 +43,8 @@ REPORT = {
         "folded_cells": 0,
         "max_aspect": 2.31,
         "mean_angle_deg": 21.3,
+        "turn_deg": 7.1,
+        "turn_uniform_deg": 11.3,
         "iterations": 41,
         "converged": True,
         "message": "",
@@ -232,6 +234,9 @@ def test_the_warp_shows_sizes_angles_energies_layers_and_how_it_ended(tmp_path):
     ):
         assert text in section
     assert section.count("<svg") == 3 + 3
+    # The angle that depends on the order of the axes comes last.
+    angles = [section.index(f"<td>{degrees} °</td>") for degrees in ("7.1", "11.3", "21.3")]
+    assert angles == sorted(angles)
     for axis in ("first", "second", "third"):
         assert f"seen along the grid's {axis} axis" in section
 

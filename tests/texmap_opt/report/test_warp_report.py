@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fea.effective_stiffness import EffectiveStiffness
+from texmap_opt.box import Box
 from texmap_opt.report.histograms import angle_shares, ratio_counts
 from texmap_opt.report.plots import PlotData
 from texmap_opt.report.run_plots import run_plots
@@ -13,7 +14,6 @@ from texmap_opt.report.run_scenes import hexahedra, mean_edge
 from texmap_opt.report.warp_numbers import warp_numbers
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.structure import Structure
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.cell_volumes import equivalent_edges
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.quality import quality, stresses, wanted_sizes

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from jaxtyping import Array
 
 from tests.verification.small_frames import remainder_orders
+from texmap_opt.box import Box
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.structure.map import (
     cell_sizes,
@@ -21,7 +22,6 @@ from texmap_opt.structure.map import (
 )
 from texmap_opt.structure.strut_geometry import strut_angles, strut_directions, strut_lengths
 from texmap_opt.structure.tile import tile
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.cell_volumes import cell_volumes
 from texmap_opt.warp.certificate import grid_coefficients
 from texmap_opt.warp.grid import Grid

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from texmap_opt.warp.box import Box
+from texmap_opt.box import Box
 from texmap_opt.warp.certificate import (
     bezier_coefficients,
     cofactors,

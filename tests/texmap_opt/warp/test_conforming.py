@@ -11,15 +11,16 @@ from hypothesis import strategies as st
 
 from tests.texmap_opt.test_signed_distance import ball
 from tests.verification.small_frames import remainder_orders
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
 from texmap_opt.signed_distance import SignedDistance
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.warp import surface_layer as layer_module
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.conforming import Conforming
 from texmap_opt.warp.grid import Grid
-from texmap_opt.warp.surface_layer import PartDistance, crossing_edges, surface_layer
+from texmap_opt.warp.part_distance import PartDistance
+from texmap_opt.warp.surface_layer import crossing_edges, surface_layer
 
 # Its chords are within 0.003 mm of the sphere.
 SPHERE = TriMesh(10 * ball(128).vertices, ball(128).faces)
@@ -116,8 +117,8 @@ def relaxed(grid: Grid, conforming: Conforming) -> Grid:
 def test_nodes_land_on_the_surface(part: TriMesh, grid: Grid, most: float):
     """Up to the spline: 0.3 % of an edge where the part is smooth, 6 % at its sharp edges."""
     conforming = Conforming.of(grid, part, 1e4)
-    before, moved = conforming.measure(grid), relaxed(grid, conforming)
-    after = conforming.measure(moved)
+    before, moved = conforming.measure(grid, part), relaxed(grid, conforming)
+    after = conforming.measure(moved, part)
     assert before.rms_relative > 0.15
     assert after.max_relative < most
     assert after.nodes == len(conforming.chosen)
@@ -132,8 +133,9 @@ def test_every_edge_that_crosses_the_surface_has_a_chosen_end(axes, seed: int, s
     """So the chosen nodes are a closed layer; in unfolded grids flat corners cost it nothing."""
     grid = jittered(Grid.uniform(Box.aligned(CUBE), CELLS), seed, share)
     hypothesis.assume(not folded(grid_coefficients(grid)).any())
-    conforming = Conforming.of(grid, ellipsoid(axes, seed), 1.0)
-    edges = crossing_edges(grid, conforming.distance(grid.nodes.reshape(-1, 3)))
+    part = ellipsoid(axes, seed)
+    conforming = Conforming.of(grid, part, 1.0)
+    edges = crossing_edges(grid, PartDistance(part, grid.box)(grid.nodes.reshape(-1, 3)))
     chosen = np.isin(edges, np.asarray(conforming.chosen))
     assert len(edges) > 20
     assert chosen.any(axis=1).all()
@@ -213,11 +215,12 @@ def test_a_grid_whose_layers_lie_on_a_box_shaped_part_stays_there():
     """All 250 nodes of its surface, edges and corners too; the spline has the plane to 1e-5."""
     bounds = np.array([[-10.0, -6.0, -4.0], [10.0, 6.0, 4.0]])
     grid = Grid.around(Box.aligned(bounds), (10, 6, 4), margin_cells=1, radius_mm=0.5)
-    conforming = Conforming.of(grid, block((10, 6, 4)), 10.0)
-    on_surface = np.abs(conforming.distance(grid.nodes.reshape(-1, 3))) < 1e-9
+    part = block((10, 6, 4))
+    conforming = Conforming.of(grid, part, 10.0)
+    on_surface = np.abs(PartDistance(part, grid.box)(grid.nodes.reshape(-1, 3))) < 1e-9
     np.testing.assert_array_equal(conforming.chosen, np.flatnonzero(on_surface))
     assert float(energy(conforming, component_first(grid))) < 1e-8
-    residual = conforming.measure(grid)
+    residual = conforming.measure(grid, part)
     assert residual.nodes == 250
     assert residual.max_mm < 1e-12
 
@@ -232,7 +235,7 @@ def test_the_energy_is_half_the_squared_distance_over_the_edge():
     expected = 0.5 * 10.0 * 128 * 0.1**2
     # The spline smooths the limit, four of its nodes away, by 2e-3 of the distance there.
     np.testing.assert_allclose(energy(conforming, away), expected, rtol=5e-3)
-    residual = conforming.measure(grid.with_nodes(np.moveaxis(away, 0, -1)))
+    residual = conforming.measure(grid.with_nodes(np.moveaxis(away, 0, -1)), part)
     np.testing.assert_allclose([residual.max_mm, residual.rms_mm], 0.4, rtol=1e-12)
     np.testing.assert_allclose([residual.max_relative, residual.rms_relative], 0.1, rtol=1e-12)
 
@@ -253,7 +256,7 @@ def test_the_field_is_the_distance_within_an_edge_of_the_surface():
     grid = Grid.uniform(Box.aligned(CUBE), (14, 14, 14))
     conforming = Conforming.of(grid, SPHERE, 1.0)
     points = np.random.default_rng(0).uniform(-13, 13, (20_000, 3))
-    true = conforming.distance(points)
+    true = PartDistance(SPHERE, grid.box)(points)
     near = np.abs(true) < 2.0
     np.testing.assert_allclose(conforming.field(points[near])[:, 0], true[near], atol=7e-3)
     far = np.abs(true) > 8.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 
 BOUNDS = np.array([[1.0, 2.0, 3.0], [11.0, 6.0, 9.0]])

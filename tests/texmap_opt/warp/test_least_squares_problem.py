@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from texmap_opt.warp.alignment import NoShear, Unaligned
-from texmap_opt.warp.box import Box
+from texmap_opt.box import Box
+from texmap_opt.warp.alignment import EqualStretch, LeastEnergy, NoShear, Unaligned
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares_problem import TIKHONOV, LeastSquaresProblem
 from texmap_opt.warping_function.background_grid import BackgroundGrid
@@ -51,6 +51,49 @@ def bumped(problem, seed=1):
     return problem.start + jnp.asarray(rng.uniform(-0.03, 0.03, problem.start.shape))
 
 
+def compliance(d):
+    """Of no symmetry, so that no other way to turn a cell has its energy."""
+    A = np.random.default_rng(4).standard_normal((6, 6) if d == 3 else (3, 3))
+    return A @ A.T + np.eye(len(A))
+
+
+def turning(d):
+    """All that can turn cells."""
+    w = jnp.asarray(7.0)
+    return {
+        "no shear": NoShear(w),
+        "no shear, by energy": NoShear(w, by_energy=True),
+        "equal stretch": EqualStretch(w),
+        "least energy": LeastEnergy(w, jnp.asarray(compliance(d))),
+    }
+
+
+def turning_energy(name, f, centre, mean):
+    """The same written out for one cell, whose mean edges are the columns of `mean`."""
+    d = len(mean)
+    unit = mean / np.linalg.norm(mean, axis=0)
+    if name == "least energy":
+        U, _, Vt = np.linalg.svd(mean)
+        rotation, C = U @ Vt, compliance(d)
+        total = 0.0
+        for S in np.asarray(f.stress(centre))[:, 0, :d, :d]:
+            A = rotation.T @ S @ rotation
+            pull = A[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]] if d == 3 else A[[0, 1, 0], [0, 1, 1]]
+            total += 0.5 * 7.0 * pull @ C @ pull
+        return total
+    stress = f.direction(centre) if name == "no shear" else f.deviator(centre)
+    total = 0.0
+    for S in np.asarray(stress)[:, 0]:
+        A = unit.T @ S @ unit
+        pairs = [(i, j) for i in range(d) for j in range(i)]
+        if name == "no shear, by energy":
+            pairs *= 2  # the stress has both components
+        if name == "equal stretch":
+            pairs = [(i, i) for i in range(d)]
+        total += 0.5 * 7.0 * sum(A[pair] ** 2 for pair in pairs)
+    return total
+
+
 def edge_matrix(x, cell, at):
     """J of one cell at a point with coordinates in 0..1: sums over its edges, written out."""
     d = len(cell)
@@ -69,9 +112,10 @@ def edge_matrix(x, cell, at):
     return J
 
 
+@pytest.mark.parametrize("kind", turning(2))
 @pytest.mark.parametrize("d", [2, 3])
-def test_energies_are_half_the_sums_of_squares_of_the_residuals(d):
-    problem = problem_of(d, alignment=NoShear(jnp.asarray(7.0)))
+def test_energies_are_half_the_sums_of_squares_of_the_residuals(d, kind):
+    problem = problem_of(d, alignment=turning(d)[kind])
     nodes = bumped(problem)
     x, h = np.moveaxis(np.asarray(nodes), 0, -1), np.asarray(problem.uniform_edge)
     shape = size = turned = 0.0
@@ -91,22 +135,17 @@ def test_energies_are_half_the_sums_of_squares_of_the_residuals(d):
         B = det / s**d
         size += 0.5 * 10.0 * np.sum((np.sqrt(B) - 1 / np.sqrt(B)) ** 2)
         mean = edge_matrix(x, cell, [0.5] * d) / h
-        unit = mean / np.linalg.norm(mean, axis=0)
-        for S in np.asarray(problem.f.direction(centre))[:, 0]:
-            A = unit.T @ S @ unit
-            turned += 0.5 * 7.0 * sum(A[i, j] ** 2 for i in range(d) for j in range(i))
-    moved = (
-        (np.asarray(nodes - problem.start).T / h).T
-        if d == 0
-        else (np.moveaxis(np.asarray(nodes - problem.start), 0, -1) / h)
-    )
+        turned += turning_energy(kind, problem.f, centre, mean)
+    moved = np.moveaxis(np.asarray(nodes - problem.start), 0, -1) / h
+    rest = 0.5 * TIKHONOV * np.sum(moved**2)
     found = problem.energies(nodes)
     # Sums over a few hundred terms: rounding only.
     np.testing.assert_allclose(found.shape, shape, rtol=1e-11)
     np.testing.assert_allclose(found.size, size, rtol=1e-11)
     np.testing.assert_allclose(found.alignment, turned, rtol=1e-11)
-    np.testing.assert_allclose(found.rest, 0.5 * TIKHONOV * np.sum(moved**2), rtol=1e-11)
-    np.testing.assert_allclose(problem.energies(nodes).total, found.total, rtol=1e-13)
+    np.testing.assert_allclose(found.rest, rest, rtol=1e-11)
+    assert found.surface == 0
+    np.testing.assert_allclose(found.total, shape + size + turned + rest, rtol=1e-11)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -142,10 +181,11 @@ def test_blocks_of_cells_add_up_to_the_whole(monkeypatch):
         np.testing.assert_allclose(gradient, found[-1][1], rtol=1e-10, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", turning(2))
 @pytest.mark.parametrize("d", [2, 3])
-def test_gradient_of_the_objective_has_a_second_order_taylor_remainder(d):
+def test_gradient_of_the_objective_has_a_second_order_taylor_remainder(d, kind):
     """With respect to the nodes, through s and S at the moving centres as well."""
-    problem = problem_of(d, alignment=NoShear(jnp.asarray(7.0)))
+    problem = problem_of(d, alignment=turning(d)[kind])
     x = bumped(problem, seed=2)
     v = jnp.asarray(np.random.default_rng(3).standard_normal(problem.start.shape))
     objective = jax.jit(lambda x: problem.energies(x).total)

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from texmap_opt.box import Box
 from texmap_opt.warp.alignment import Unaligned
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares_problem import LeastSquaresProblem
 from texmap_opt.warp.modes import SlidingModes

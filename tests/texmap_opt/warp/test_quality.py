@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fea.effective_stiffness import EffectiveStiffness
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.quality import (
     achieved_sizes,

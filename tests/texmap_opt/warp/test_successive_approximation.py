@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.successive_approximation import WEIGHTS, SuccessiveApproximation, f_at

@@ -25,8 +25,18 @@ def read(tmp_path, text):
         "\ufeffx, S_Mises\r\n1, 2.5\r\n3, 4.5\r\n",
         "part,x,S_Mises\nPART-1,1,2.5\nPART-1,3,4.5\n",
         '"Stress, top",x,S_Mises\n0,1,2.5\n0,3,4.5\n',
+        'x, S_Mises\n1, "2.5"\n3, "4.5"\n',
     ],
-    ids=["plain", "quoted", "decimal comma", "tab", "BOM", "column of text", "comma in a name"],
+    ids=[
+        "plain",
+        "quoted",
+        "decimal comma",
+        "tab",
+        "BOM",
+        "column of text",
+        "comma in a name",
+        "blank before a quote",
+    ],
 )
 def test_tables_of_many_programs_are_read(tmp_path, text):
     table = read(tmp_path, text)

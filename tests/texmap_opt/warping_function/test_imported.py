@@ -8,11 +8,11 @@ import pytest
 import pyvista
 
 from fea.voigt import tensor, turned_stress, von_mises
-from texmap_opt.errors import CaseError, WarpError
-from texmap_opt.warp.box import Box
+from texmap_opt.box import Box
+from texmap_opt.errors import CaseError
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.least_squares import LeastSquares
-from texmap_opt.warp.quality import achieved_sizes
+from texmap_opt.warp.quality import achieved_sizes, log_fit, wanted_sizes
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 from texmap_opt.warping_function.imported import ORDERS, imported_driver, read_imported
 from texmap_opt.warping_function.size_law import SizeLaw
@@ -330,13 +330,17 @@ def test_nodes_without_a_cell_do_not_count(tmp_path, own):
 
 
 def test_an_imported_vtu_drives_the_warp(vtu):
-    """Cells are smaller where the results ask for more: correlation of achieved and wanted size."""
+    """Cells have the size that the results ask for, from coarse to fine."""
     grid = Grid.uniform(BOX, (8, 5, 5))
     f = function(read(vtu, "energy"), law=SizeLaw(contrast=2.0))
     warped = LeastSquares().fit(grid, f)
     assert warped.converged
-    achieved, wanted = achieved_sizes(warped.grid), np.asarray(f.size(warped.grid.centres))
-    assert np.corrcoef(np.log(achieved), np.log(wanted))[0, 1] > 0.9
+    slope, correlation = log_fit(wanted_sizes(warped.grid, f), achieved_sizes(warped.grid))
+    assert slope is not None
+    assert correlation is not None
+    # 0.92 here: shape holds back the sizes of cells between faces that stay (docs/theory/warp.md).
+    np.testing.assert_allclose(slope, 1, atol=0.1)
+    assert correlation > 0.9
 
 
 def broken(tmp_path, name, values):
@@ -376,9 +380,22 @@ def test_values_that_cannot_drive_are_refused(tmp_path, values, words):
         read(broken(tmp_path, "v", values), "v")
 
 
-def test_a_stress_of_zero_everywhere_is_refused(tmp_path):
-    path = broken(tmp_path, "S", lambda n: np.zeros((n, 6)))
-    with pytest.raises(WarpError, match="0 MPa at all 45 points"):
+@pytest.mark.parametrize("components", [6, 9])
+def test_a_stress_of_zero_everywhere_is_refused_with_its_file(tmp_path, components):
+    path = broken(tmp_path, "v", lambda n: np.zeros((n, components)))
+    with pytest.raises(CaseError, match=r'"v" of results\.vtu is zero at all 45 points') as failure:
+        read(path, "v")
+    assert str(failure.value).startswith(WHERE)
+
+
+def test_a_stress_of_zero_all_over_the_part_is_refused_though_its_neighbour_has_one(tmp_path):
+    mesh = hexahedra()
+    mesh.point_data["S"] = np.zeros((mesh.n_points, 6))
+    other = hexahedra()
+    other.points = np.asarray(other.points) + 30 * np.eye(3)[0]
+    path = tmp_path / "assembly.vtu"
+    mesh.merge(other).save(path)
+    with pytest.raises(CaseError, match=r'"S" of assembly\.vtu is zero at all 1377 points'):
         function(read(path))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texmap_opt.warp.box import Box
+from texmap_opt.box import Box
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 from texmap_opt.warping_function.normalised_convolution import deposit, normalised_convolution
 

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box
 from texmap_opt.warping_function.background_grid import BackgroundGrid
 from texmap_opt.warping_function.size_law import SizeLaw
 from texmap_opt.warping_function.warping_function import WarpingFunction

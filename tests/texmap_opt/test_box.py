@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from texmap_opt.box import Box, principal_axes
 from texmap_opt.errors import WarpError
-from texmap_opt.warp.box import Box, principal_axes
 
 BOUNDS = np.array([[1.0, 2.0, 3.0], [11.0, 6.0, 9.0]])
 
