@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from texmap_opt.case import DesignCase, Load, Support
+from texmap_opt.case_sections import WarpSection
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.errors import CaseError
 from texmap_opt.export.whole_file import whole_file
@@ -101,12 +102,27 @@ class Look:
             f"{self.part.volume:,.0f} mm³",
             f"grid      {cells} cells of {edge} mm; {self.cells_across:.1f} across the thinnest "
             f"wall, {self.thinnest_mm:.3g} mm",
+            f"warp      {_warp_line(self.case.warp)}",
             f"lattice   about {self.struts:,} struts, relative density {self.density:.3f}",
             f"estimate  {self.triangles:,} triangles, {self.seconds:.0f} s, {self.memory_mb:.0f} MB",
             *(seen.label for seen in self.regions),
             *(f"warning   {warning}" for warning in self.warnings),
         ]
         return "\n".join(lines)
+
+
+def _warp_line(warp: WarpSection) -> str:
+    """What moves the cells, in words."""
+    if warp.method == "uniform":
+        return "none: uniform cells"
+    drivers = f" ({warp.combine}) ".join(warp.driver)
+    line = f"{warp.method}, driven by {drivers}, contrast {warp.contrast:g}"
+    if warp.method != "least-squares":
+        return line
+    turning = (
+        f"cells turn, {warp.target} {warp.alignment:g}" if warp.alignment else "cells do not turn"
+    )
+    return f"{line}; {turning}"
 
 
 def look(case: DesignCase) -> Look:

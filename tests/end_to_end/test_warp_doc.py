@@ -14,6 +14,14 @@ from texmap_opt.look import look
 PAGE = (Path(__file__).parents[2] / "docs" / "warp.md").read_text(encoding="utf-8")
 CASES = dict(re.findall(r"`(\w+)\.toml`\. .*?```toml\n(.*?)```", PAGE, flags=re.DOTALL))
 
+# What `texmap look` says of each.
+WARPS = {
+    "own": "driven by von-mises, contrast 2; cells do not turn",
+    "imported": "driven by file, contrast 2; cells turn, energy 30",
+    "painted": "driven by paint, contrast 3; cells do not turn",
+    "both": "driven by von-mises (maximum) paint, contrast 2; cells turn, energy 30",
+}
+
 
 def stressed_tet(path: Path) -> None:
     """What a run leaves of its stress, on a single tet."""
@@ -42,7 +50,9 @@ def test_a_case_of_the_page_can_be_looked_at(name: str, tmp_path: Path):
     stressed_tet(tmp_path / "own" / "stress.vtu")
     case = DesignCase.from_toml(path)
     assert case.warp.method == "least-squares"
-    assert not [warning for warning in look(case).warnings if "cells across" in warning]
+    seen = look(case)
+    assert not [warning for warning in seen.warnings if "cells across" in warning]
+    assert f"warp      least-squares, {WARPS[name]}\n" in seen.text()
 
 
 def test_the_python_of_the_page_prints_what_is_written_below_it(capsys: pytest.CaptureFixture):
