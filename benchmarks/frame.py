@@ -9,17 +9,21 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from solid import best, installed, judged_table, machine
+from solid import best, installed, judged_table, machine, write
 
 # This process stays small and imports no numerics: a child's peak memory starts from its parent's.
 
 HERE = Path(__file__).parent
 PACKAGES = ("numpy", "scipy", "jax", "pyamg", "pypardiso", "mkl", "PyNiteFEA")
 OURS, MULTIGRID, PARDISO, PYAMG, PYNITE = "fea", "fea multigrid", "fea pardiso", "pyamg", "pynite"
+
+
+AnyRun = TypeVar("AnyRun")
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,9 @@ class Run:
     problem: str
     needs: str = "numpy"
     large: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.problem}"
 
 
 PLAN = [
@@ -64,20 +71,10 @@ def main() -> None:
     parser.add_argument("--only", default="", help="runs whose name or problem contains this")
     asked = parser.parse_args()
     versions = installed(PACKAGES)
-    wanted = [
-        run
-        for run in PLAN
-        if asked.only in f"{run.name} {run.problem}" and (asked.large or not run.large)
-    ]
+    wanted = [run for run in PLAN if asked.only in str(run) and (asked.large or not run.large)]
     plan = [run for run in wanted if versions[run.needs] is not None]
-    tries: dict[Run, list[dict[str, Any]]] = {run: [] for run in plan}
-    for number in range(asked.repeats):
-        for run in plan:
-            if number and run.large:
-                continue
-            print(f"{number + 1}/{asked.repeats} {run.name} {run.problem}", file=sys.stderr)
-            tries[run].append(child(run))
-    runs = [least(tries[run]) for run in plan]
+    once = [run for run in plan if run.large]
+    runs = [least(tries) for tries in repeated(plan, child, asked.repeats, once)]
     result = {
         "machine": machine(),
         "versions": versions,
@@ -86,11 +83,7 @@ def main() -> None:
         "runs": runs,
         "targets": targets(runs),
     }
-    asked.out.parent.mkdir(parents=True, exist_ok=True)
-    asked.out.write_text(json.dumps(result, indent=1) + "\n")
-    text = markdown(result)
-    asked.out.with_suffix(".md").write_text(text)
-    print(text)
+    write(asked.out, result, markdown(result))
 
 
 def child(run: Run) -> dict[str, Any]:
@@ -98,6 +91,22 @@ def child(run: Run) -> dict[str, Any]:
     command = [sys.executable, str(HERE / "frame_runs.py"), run.name, run.problem]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
+
+
+def repeated(
+    plan: list[AnyRun],
+    measure: Callable[[AnyRun], dict[str, Any]],
+    repeats: int,
+    once: Collection[AnyRun] = (),
+) -> list[list[dict[str, Any]]]:
+    """Tries of each run, all runs in turn; of those in `once` one."""
+    tries: list[list[dict[str, Any]]] = [[] for _ in plan]
+    for number in range(repeats):
+        for run, rows in zip(plan, tries, strict=True):
+            if number == 0 or run not in once:
+                print(f"{number + 1}/{repeats} {run}", file=sys.stderr)
+                rows.append(measure(run))
+    return tries
 
 
 def least(tries: list[dict[str, Any]]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from solid import installed, machine
+from solid import installed, machine, write
 from stopwatch import peak_memory_gb
 
 from fea import FeaError, Support, TetMesh, force_on_facets, material, rigid_body_modes
@@ -252,10 +252,7 @@ def main() -> None:
         print(json.dumps(one(asked.folder, *asked.one)))
         return
     result = measured(asked.folder, asked.only, asked.solvers, asked.repeats)
-    asked.out.parent.mkdir(parents=True, exist_ok=True)
-    asked.out.write_text(json.dumps(result, indent=1) + "\n")
-    asked.out.with_suffix(".md").write_text(markdown(result))
-    print(markdown(result))
+    write(asked.out, result, markdown(result))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from solid import installed, machine
+from solid import installed, machine, write
 
 import fea
 from fea import TetMesh
@@ -245,10 +245,7 @@ def main() -> None:
     with jax.enable_x64(True):
         found = measured(asked.folder.resolve(), asked.radius)
     result = {"machine": machine(), "versions": installed(PACKAGES), **found}
-    asked.out.write_text(json.dumps(result, indent=1) + "\n")
-    text = markdown(result)
-    asked.out.with_suffix(".md").write_text(text)
-    print(text)
+    write(asked.out, result, markdown(result))
 
 
 if __name__ == "__main__":

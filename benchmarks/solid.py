@@ -101,10 +101,14 @@ def main() -> None:
         "runs": runs,
         "targets": targets(runs),
     }
-    asked.out.parent.mkdir(parents=True, exist_ok=True)
-    asked.out.write_text(json.dumps(result, indent=1) + "\n")
-    text = markdown(result)
-    asked.out.with_suffix(".md").write_text(text)
+    write(asked.out, result, markdown(result))
+
+
+def write(out: Path, result: dict[str, Any], text: str) -> None:
+    """A result as JSON, and its tables beside it and on the screen."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(result, indent=1) + "\n")
+    out.with_suffix(".md").write_text(text)
     print(text)
 
 

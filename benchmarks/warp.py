@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from frame import least
-from solid import installed, judged_table, machine
+from frame import least, repeated
+from solid import installed, judged_table, machine, write
 
 # This process stays small and imports no numerics: a child's peak memory starts from its parent's.
 
@@ -71,12 +71,7 @@ def main() -> None:
     if asked.cells is not None:
         wanted = [replace(run, cells=n) for run in wanted for n in asked.cells]
     plan = list(dict.fromkeys(wanted))
-    tries: dict[Run, list[dict[str, Any]]] = {run: [] for run in plan}
-    for number in range(asked.repeats):
-        for run in plan:
-            print(f"{number + 1}/{asked.repeats} {run}", file=sys.stderr)
-            tries[run].append(child(run))
-    runs = [least(tries[run]) for run in plan]
+    runs = [least(tries) for tries in repeated(plan, child, asked.repeats)]
     result = {
         "machine": machine(),
         "versions": installed(PACKAGES),
@@ -85,11 +80,7 @@ def main() -> None:
         "targets": targets(runs),
         "ratios": ratios(runs),
     }
-    asked.out.parent.mkdir(parents=True, exist_ok=True)
-    asked.out.write_text(json.dumps(result, indent=1) + "\n")
-    text = markdown(result)
-    asked.out.with_suffix(".md").write_text(text)
-    print(text)
+    write(asked.out, result, markdown(result))
 
 
 def child(run: Run) -> dict[str, Any]:

@@ -390,3 +390,11 @@ class TetMesh:
 
     def _place(self, cell: int) -> str:
         return f"{position_text(self.nodes[self.tets[cell, :4]].mean(axis=0))} mm"
+
+
+def tet_volumes(
+    nodes: Float[np.ndarray, "nodes 3"], tets: Int[np.ndarray, "cells 4"]
+) -> Float[np.ndarray, " cells"]:
+    """Volumes of tets with straight edges, whether they make a mesh or not; negative means inverted."""
+    a, b, c, d = np.moveaxis(nodes[tets], 1, 0)
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from fea import TetMesh
+from fea.tet_mesh import tet_volumes
 from texmap_opt.edge_pairs import EdgePairs
 from texmap_opt.signed_distance import SignedDistance
 from texmap_opt.solid.tri_mesh import TriMesh
@@ -49,7 +50,7 @@ def fitted_to_surface(
     """
     facets = TetMesh(nodes, tets).boundary_facets
     # What tets must keep is measured by how they came, however many rounds follow.
-    least = LEAST_SHARE * np.stack([_volumes(nodes, tets), _quality(nodes, tets)])
+    least = LEAST_SHARE * np.stack([tet_volumes(nodes, tets), _quality(nodes, tets)])
     for _ in range(ROUNDS):
         way = _way_to_surface(nodes, facets, surface, query, reach)
         nodes = _as_far_as_tets_allow(nodes, tets, way, least)
@@ -86,7 +87,7 @@ def _as_far_as_tets_allow(
     share = np.where(way.any(axis=1), 1.0, 0.0)
     moved = nodes + way
     for halving in itertools.count(1):
-        bad = (_volumes(moved, tets) < least[0]) | (_quality(moved, tets) < least[1])
+        bad = (tet_volumes(moved, tets) < least[0]) | (_quality(moved, tets) < least[1])
         # A tet whose nodes all stay is as it was, good or bad.
         bad &= (share[tets] > 0).any(axis=1)
         if not bad.any():
@@ -145,17 +146,10 @@ def _corners(
     return np.flatnonzero((count > 0) & ((count != 2) | bent))
 
 
-def _volumes(
-    nodes: Float[np.ndarray, "nodes 3"], tets: Int[np.ndarray, "cells 4"]
-) -> Float[np.ndarray, " cells"]:
-    a, b, c, d = np.moveaxis(nodes[tets], 1, 0)
-    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
-
-
 def _quality(
     nodes: Float[np.ndarray, "nodes 3"], tets: Int[np.ndarray, "cells 4"]
 ) -> Float[np.ndarray, " cells"]:
     """Volume over the cube of the root mean square edge: falls when a tet flattens or stretches."""
     corners = nodes[tets]
     ends = corners[:, [0, 0, 0, 1, 1, 2]] - corners[:, [1, 2, 3, 2, 3, 3]]
-    return _volumes(nodes, tets) / (ends**2).sum(axis=(1, 2)) ** 1.5
+    return tet_volumes(nodes, tets) / (ends**2).sum(axis=(1, 2)) ** 1.5

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from drawn_grids import draw_grid, panels, save
 from jaxtyping import Float
-from kept_results import IMAGES, Row, markdown, started
+from kept_results import ENDING, IMAGES, Row, markdown, started
 from matplotlib.axes import Axes
 
 from texmap_opt.box import Box
@@ -246,7 +246,7 @@ def main() -> None:
     lines = []
     for trial in trials():
         row = kept.row(trial.key, lambda trial=trial: measure(trial))
-        names = ("shear", "least_shear", "min_jacobian", "slope", "aspect", "steps", "gain")
+        names = ("shear", "least_shear", *ENDING.values())
         lines.append(
             [
                 trial.loads,
@@ -256,7 +256,6 @@ def main() -> None:
                 degrees(row["unturned_angles"]),
                 degrees(row["angles_by_volume"]),
                 *[row[name] for name in names],
-                "yes" if row["converged"] else "no",
             ]
         )
     head = (
@@ -268,12 +267,7 @@ def main() -> None:
         "mean angle weighted by volume",
         "squared shear over unturned cells",
         "the least possible",
-        "smallest B/s³",
-        "slope of size",
-        "worst edge ratio",
-        "steps",
-        "gain of another",
-        "converged",
+        *ENDING,
     )
     kept.write_table(markdown(head, lines))
     draw_one_case(kept.rows)

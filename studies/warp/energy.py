@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from drawn_grids import panels, save
 from jaxtyping import Float, Int
-from kept_results import IMAGES, Row, markdown, started
+from kept_results import ENDING, IMAGES, Row, markdown, started
 from part_stress import PartStress, builtin_stress
 
 from fea.effective_stiffness import EffectiveStiffness
@@ -151,19 +151,17 @@ def main() -> None:
     kept, _ = started("energy", __doc__)
     lines = []
     names = ("zener", "warped", "best", "worst")
-    others = ("min_jacobian", "slope", "aspect", "steps", "gain")
     for part in PARTS:
         stressed = cache(partial(builtin_stress, part))
         for trial in trials(part):
             row = kept.row(
                 trial.key, lambda trial=trial, stressed=stressed: measure(trial, stressed())
             )
-            ended = "yes" if row["converged"] else "no"
             of = [part, trial.cell, f"{trial.contrast:g}", trial.turned, f"{trial.size_weight:g}"]
             shares = [f"{row[n]:.3f}" for n in names]
             gains = 1 - row["best"] > NOTHING_TO_GAIN
             shares.append(f"{row['share']:.2f}" if gains else "–")
-            lines.append([*of, *shares, *[row[name] for name in others], ended])
+            lines.append([*of, *shares, *[row[name] for name in ENDING.values()]])
     head = (
         "part",
         "cell",
@@ -175,12 +173,7 @@ def main() -> None:
         "the best",
         "the worst",
         "share of the gain",
-        "smallest B/s³",
-        "slope of size",
-        "worst edge ratio",
-        "steps",
-        "gain of another",
-        "converged",
+        *ENDING,
     )
     kept.write_table(markdown(head, lines))
     draw(kept.rows)

@@ -165,13 +165,21 @@ def worst(rows: list[Row], name: str) -> float | None:
 def every_run(rows: dict[str, Row]) -> str:
     """One line per run of least squares."""
     lines = []
-    names = ("folded", "min_jacobian", "slope", "steps", "gradient_norm", "gain", "tolerance")
+    names = (
+        "folded",
+        "min_jacobian",
+        "slope",
+        "steps",
+        "gradient_norm",
+        "gain",
+        "tolerance",
+        "converged",
+    )
     for k, row in rows.items():
         method, kind, seed = k.split("; ")
         if method.startswith("least-squares"):
             weight = "1" if "size_weight 1" in method else "10"
-            ended = "yes" if row["converged"] else "no"
-            lines.append([kind, seed.split()[1], weight, *[row[name] for name in names], ended])
+            lines.append([kind, seed.split()[1], weight, *[row[name] for name in names]])
     head = (
         "kind",
         "seed",

@@ -16,6 +16,16 @@ HERE = Path(__file__).parent
 PACKAGES = ("numpy", "scipy", "jax", "optimistix")
 IMAGES = HERE.parents[1] / "docs" / "images"
 
+# What tables of warped grids end with, and the keys of their rows.
+ENDING = {
+    "smallest B/s³": "min_jacobian",
+    "slope of size": "slope",
+    "worst edge ratio": "aspect",
+    "steps": "steps",
+    "gain of another": "gain",
+    "converged": "converged",
+}
+
 # Smaller numbers are zero and rounding.
 ROUNDING = 1e-12
 
@@ -100,7 +110,7 @@ def started(
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table; floats with three significant digits, None as a dash."""
+    """A table; floats with three significant digits, None as a dash, yes and no."""
     lines = [head, ["---"] * len(head)]
     lines += [[_cell(value) for value in row] for row in rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
@@ -109,6 +119,8 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 def _cell(value: object) -> str:
     if value is None:
         return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if not isinstance(value, float):
         return str(value)
     return "0" if abs(value) < ROUNDING else f"{value:.3g}"

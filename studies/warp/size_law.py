@@ -115,11 +115,18 @@ def main() -> None:
             )
             names = (
                 *("cells", "nodes", "wanted_contrast", "slope", "correlation", "part_slope"),
-                *("part_correlation", "folded", "min_jacobian", "aspect", "steps", "gain"),
+                *(
+                    "part_correlation",
+                    "folded",
+                    "min_jacobian",
+                    "aspect",
+                    "steps",
+                    "gain",
+                    "converged",
+                ),
             )
-            ended = "yes" if row["converged"] else "no"
             shown = [f"{row[n]:.4f}" if "correlation" in n else row[n] for n in names]
-            lines.append([part, method, *shown, ended])
+            lines.append([part, method, *shown])
     head = (
         "part",
         "method",

@@ -5,17 +5,15 @@ differentiates them in the nodes. Which joint lies in which cell, the net, does 
 """
 
 import itertools
-from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.errors import CaseError, nearest_name
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.tile import Net, tile
-
-Kind = TypeVar("Kind", np.ndarray, Array)
+from texmap_opt.warp.cell_corners import Kind, side
 
 RADIUS_MODES = ("constant", "scaled")
 
@@ -128,13 +126,7 @@ def cell_sizes(nodes: Float[Kind, "*nodes d"]) -> Float[Kind, "*cells"]:
         chord = xp.linalg.norm(xp.diff(corners, axis=axis), axis=-1).mean()
         edges = xp.linalg.norm(xp.diff(nodes, axis=axis), axis=-1) * (nodes.shape[axis] - 1) / chord
         for other in (k for k in range(d) if k != axis):
-            lower, upper = (_part(edges, other, side) for side in (0, 1))
+            lower, upper = (side(edges, other, end) for end in (0, 1))
             edges = lower + upper
         total = total + edges
     return total / (d * 2 ** (d - 1))
-
-
-def _part(values: Kind, axis: int, side: int) -> Kind:
-    """All but the last along an axis for side 0, all but the first for side 1."""
-    n = values.shape[axis]
-    return values[(*[slice(None)] * axis, slice(side, n - 1 + side))]

@@ -3,13 +3,10 @@
 NumPy or JAX arrays in, the same kind out; JAX differentiates them in the nodes.
 """
 
-import itertools
-from typing import TypeVar
-
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-Kind = TypeVar("Kind", np.ndarray, Array)
+from texmap_opt.warp.cell_corners import Kind, corners
 
 
 def cell_volumes(nodes: Float[Kind, "*nodes d"]) -> Float[Kind, "*cells"]:
@@ -25,12 +22,7 @@ def cell_volumes(nodes: Float[Kind, "*nodes d"]) -> Float[Kind, "*cells"]:
         nodes: of the grid [mm]; two grid directions or three.
     """
     d = nodes.shape[-1]
-    corner = {}
-    for sides in itertools.product((0, 1), repeat=d):
-        part = nodes
-        for axis, side in enumerate(sides):
-            part = part[(*[slice(None)] * axis, slice(side, nodes.shape[axis] - 1 + side))]
-        corner[sides] = part
+    corner = corners(nodes, d)
     if d == 2:
         a, b = corner[1, 1] - corner[0, 0], corner[0, 1] - corner[1, 0]
         return (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2

@@ -182,8 +182,9 @@ class LeastSquares(AbstractWarp):
         require_layers(grid, "least-squares")
         levels = coarser(grid)
         on_the_way = max(self.gtol, GAIN_ON_THE_WAY)
-        nodes = self._off_symmetry(levels[0], f)
-        for share in _shares(levels[0], f)[:-1]:
+        spread = _log_spread(levels[0], f)
+        nodes = self._off_symmetry(levels[0], spread)
+        for share in _shares(spread)[:-1]:
             problem = self._problem(levels[0], f.softened(share))
             nodes = self._search(problem, levels[0], nodes, on_the_way).nodes
         for level, finer in pairwise(levels):
@@ -198,16 +199,14 @@ class LeastSquares(AbstractWarp):
         problem = self._problem(grid, f, surface)
         return self._search(problem, grid, end.nodes, self.gtol), problem
 
-    def _off_symmetry(self, grid: Grid, f: WarpingFunction) -> Float[Array, " d *nodes"]:
+    def _off_symmetry(self, grid: Grid, spread: float) -> Float[Array, " d *nodes"]:
         """Nodes next to the uniform grid's; the same ones where there is nothing to gain."""
         start = jnp.asarray(np.moveaxis(grid.nodes, -1, 0))
-        to_follow = _log_spread(grid, f) if isinstance(self.alignment, Unaligned) else 1.0
-        off = (
-            OFF_SYMMETRY
-            * min(1.0, to_follow)
-            * np.random.default_rng(0).standard_normal(start.shape)
-        )
-        return self._variables(start, grid).at(jnp.asarray(off))
+        off = OFF_SYMMETRY
+        if isinstance(self.alignment, Unaligned):
+            off *= min(1.0, spread)
+        noise = np.random.default_rng(0).standard_normal(start.shape)
+        return self._variables(start, grid).at(jnp.asarray(off * noise))
 
     def _variables(self, nodes: Float[Array, " d *nodes"], grid: Grid) -> Variables:
         modes = SlidingModes.of(
@@ -253,13 +252,9 @@ class _Minimum(eqx.Module):
 
     @property
     def gain(self) -> float:
-        """Estimated relative decrease of the objective by another step.
-
-        The Hessian in the variables is about the identity, so a Newton step gains about half the
-        squared gradient. Zero where that is rounding.
-        """
-        gained = 0.5 * self.gradient_norm**2
-        return 0.0 if gained < ROUNDING * self.nodes.size else gained / float(self.energies.total)
+        """Estimated relative decrease of the objective by another step."""
+        squared = jnp.asarray(self.gradient_norm**2)
+        return float(_gain(squared, self.energies.total, self.nodes.size))
 
 
 class _LBFGS(optx.AbstractLBFGS):
@@ -279,14 +274,35 @@ class _LBFGS(optx.AbstractLBFGS):
         self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
         """Whether the gain is below the tolerance; not before anything was evaluated."""
-        gained = 0.5 * jnp.sum(state.f_info.grad**2)
-        small = (gained < self.gtol * state.f_info.f) | (gained < ROUNDING * y.size)
+        squared = jnp.sum(state.f_info.grad**2)
+        small = _gain(squared, state.f_info.f, y.size) < self.gtol
         return ~state.first_step & small, state.result
 
 
-def _shares(grid: Grid, f: WarpingFunction) -> list[float]:
-    """Powers of the wanted size on the way to 1; the contrast grows by `CONTRAST_STEP` at most."""
-    count = max(1, math.ceil(_log_spread(grid, f) / math.log(CONTRAST_STEP) - 1e-9))
+def _gain(
+    squared_gradient: Float[Array, ""], objective: Float[Array, ""], size: int
+) -> Float[Array, ""]:
+    """Share of the objective by which another step could lower it; zero where that is rounding.
+
+    The Hessian in the variables is about the identity, so a Newton step gains about half the squared
+    gradient.
+
+    Args:
+        squared_gradient: in the variables.
+        objective: half the sum of squares.
+        size: number of variables.
+    """
+    gained = 0.5 * squared_gradient
+    return jnp.where(gained < ROUNDING * size, 0.0, gained / objective)
+
+
+def _shares(spread: float) -> list[float]:
+    """Powers of the wanted size on the way to 1; the contrast grows by `CONTRAST_STEP` at most.
+
+    Args:
+        spread: logarithm of the contrast of the whole.
+    """
+    count = max(1, math.ceil(spread / math.log(CONTRAST_STEP) - 1e-9))
     return [(k + 1) / count for k in range(count)]
 
 

@@ -22,15 +22,16 @@ class SlidingModes(eqx.Module):
     u = M V A^(-1/2) z. Component c of the displacement uses sine modes along axis c (zero on the
     two faces it is normal to) and cosine modes along the others (free to slide), so that all
     components strain a cell by the same products of cosines, and the objective's Hessian at the
-    identity falls into one block A of d x d numbers per mode (`_hessian`): half its quadratic form
-    is half the sum of z². M holds the nodes of fixed faces.
+    identity falls into one block A of d x d numbers per mode (`_hessian`). In z it is the identity.
+    M holds the nodes of fixed faces.
 
     Source of the modes: Strang, "The discrete cosine transform", SIAM Review 41 (1999), DCT-1 and
     DST-1.
 
     Attributes:
         cosines, sines: per axis, nodes x modes; the modes that no sine has are zero.
-        scale: A^(-1/2) of each mode: component, component, mode [mm]; zero where a sine is.
+        scale: A^(-1/2) of each mode: component, component, mode [mm]; zero where a
+            component has no sine.
         free: where a node may move along a component.
     """
 

@@ -13,12 +13,11 @@ Sharp edges of a part need one thing more: a node just outside of one has no nei
 nodes that are nearly on the surface are chosen too; the slab above holds them all.
 """
 
-import itertools
-
 import numpy as np
 import scipy.sparse
 from jaxtyping import Bool, Float, Int
 
+from texmap_opt.warp.cell_corners import corners, side
 from texmap_opt.warp.grid import Grid
 
 # By how much the outer end of an edge must be nearer than the inner one to be chosen. Surfaces
@@ -50,7 +49,7 @@ def crossing_edges(grid: Grid, distance: Float[np.ndarray, " nodes"]) -> Int[np.
     number = np.arange(distance.size).reshape(grid.nodes.shape[:-1])
     edges = np.concatenate(
         [
-            np.stack([_side(number, axis, 0).ravel(), _side(number, axis, 1).ravel()], axis=1)
+            np.stack([side(number, axis, 0).ravel(), side(number, axis, 1).ravel()], axis=1)
             for axis in range(grid.dimensions)
         ]
     )
@@ -97,8 +96,8 @@ def _largest_steps(
     largest = np.zeros(field.shape)
     for axis in range(grid.dimensions):
         step = np.abs(np.diff(field, axis=axis))
-        for side in (0, 1):
-            part = _side(largest, axis, side)
+        for end in (0, 1):
+            part = side(largest, axis, end)
             np.maximum(part, step, out=part)
     return largest.ravel()
 
@@ -113,12 +112,7 @@ def _flat_corners(
     """
     d = grid.dimensions
     number = np.arange(chosen.size).reshape(grid.nodes.shape[:-1])
-    corner = {}
-    for sides in itertools.product((0, 1), repeat=d):
-        at = number
-        for axis, side in enumerate(sides):
-            at = _side(at, axis, side)
-        corner[sides] = at.ravel()
+    corner = {ends: at.ravel() for ends, at in corners(number, d).items()}
     crowded = sum(chosen[at].astype(int) for at in corner.values()) > d
     flat, ratios = [], []
     for sides, at in corner.items():
@@ -160,9 +154,3 @@ def _drop_flat_corners(
         ]
         candidates = corner[spare] if any(spare) else corner
         chosen[candidates[np.argmax(off[candidates])]] = False
-
-
-def _side(values: np.ndarray, axis: int, side: int) -> np.ndarray:
-    """All but the last along an axis for side 0, all but the first for side 1; a view."""
-    n = values.shape[axis]
-    return values[(*[slice(None)] * axis, slice(side, n - 1 + side))]
