@@ -63,6 +63,9 @@ from fea.objectives import mean_displacement as mean_displacement
 from fea.objectives import p_norm as p_norm
 from fea.objectives import stress_p_norm as stress_p_norm
 from fea.periodic_frame import PeriodicFrame as PeriodicFrame
+from fea.plane_frame import PlaneFrame as PlaneFrame
+from fea.plane_frame import in_plane as in_plane
+from fea.plane_stiffness import PlaneStiffness as PlaneStiffness
 from fea.precision import require_x64 as require_x64
 from fea.rigid_motion import free_motion as free_motion
 from fea.rigid_motion import rigid_body_modes as rigid_body_modes
@@ -72,6 +75,7 @@ from fea.section_forces import strut_deflection as strut_deflection
 from fea.sections import Round as Round
 from fea.sections import Square as Square
 from fea.sections import Tube as Tube
+from fea.sections import Wall as Wall
 from fea.sections import section as section
 from fea.shell_stress import skin_stress as skin_stress
 from fea.sizing_field import Sizing as Sizing

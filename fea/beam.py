@@ -7,11 +7,8 @@ six degrees of freedom: displacement, then rotation.
 
 The flexibility method makes the element exact for linear taper (Przemieniecki, Theory of Matrix
 Structural Analysis (1968), chapter 7): section forces follow from equilibrium, end deformations from
-them. With the section's size s linear from a to b, A ~ s² and I, J ~ s⁴, all integrals are rational,
-
-    ∫ ξ^i (1-ξ)^j / s^(i+j+2) dξ = i! j!/((i+j+1)! a^(j+1) b^(i+1)),
-
-so nothing is singular where a = b, and there the element is that of Przemieniecki's equation 5.116.
+them, by the integrals of `fea.taper`. Nothing is singular where both ends are alike, and there the
+element is that of Przemieniecki's equation 5.116.
 """
 
 from functools import partial
@@ -23,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from fea.sections import AbstractSection
+from fea.abstract_section import AbstractSection, MeanSection
 
 ArrayLike = Array | np.ndarray
 
@@ -120,49 +117,52 @@ class EndStiffness(eqx.Module):
 
 
 class Bending(eqx.Module):
-    """Numbers without dimension of the elastic part in bending, in units of EI/length.
+    """How the elastic part bends, without dimension: rotations of its ends in units of length/EI.
 
-    EI is that of the geometric mean of the sizes at the two ends.
+    EI is that of the mean section, and the flexibility [[turn_a + shear, shear - cross], [shear - cross,
+    turn_b + shear]].
 
     Attributes:
-        mean: that geometric mean, squared [mm²].
-        ratio: size at each end over that at the other.
+        turn: rotation of each end by its own moment, 1/3 for prismatic struts.
+        cross: less that by the moment at the other end, 1/6 for prismatic struts.
         shear: flexibility in shear over that in bending, EI/(kappa GA length²).
-        scale: 1/12 for slender prismatic struts.
+        determinant: of the flexibility, 1/12 for slender prismatic struts.
     """
 
-    mean: Float[Array, ""]
-    ratio: Float[Array, "2"]
+    turn: Float[Array, "2"]
+    cross: Float[Array, ""]
     shear: Float[Array, ""]
-    scale: Float[Array, ""]
+    determinant: Float[Array, ""]
 
     @property
     def near(self) -> Float[Array, "2"]:
         """Moment at each end by its own unit rotation."""
-        return (self.ratio / 3 + self.shear) / self.scale
+        return (self.turn[::-1] + self.shear) / self.determinant
 
     @property
     def far(self) -> Float[Array, ""]:
         """Moment at an end by a unit rotation of the other."""
-        return (1 / 6 - self.shear) / self.scale
+        return (self.cross - self.shear) / self.determinant
+
+    @property
+    def together(self) -> Float[Array, "2"]:
+        """Moment at each end by a unit rotation of both: shear drops out."""
+        return (self.turn[::-1] + self.cross) / self.determinant
 
 
-def bending(part: ElasticPart, material: StrutMaterial) -> Bending:
-    """Inverse of the flexibility [[r_b/3 + η, 1/6 - η], [., r_a/3 + η]], r_a = a/b, r_b = b/a.
+def bending(part: ElasticPart, mean: MeanSection, material: StrutMaterial) -> Bending:
+    """How the elastic part bends.
 
     Args:
         part: where the strut deforms.
+        mean: its mean section.
         material: of the struts.
     """
-    section = material.section
-    s = section.size(part.radii)
-    mean = s[0] * s[1]
-    ratio = jnp.stack([s[0] / s[1], s[1] / s[0]])
+    f = mean.flexibility
     # E/(kappa G); 1/kappa first, so that kappa may be infinite.
-    softness = 1 / section.kappa(material.nu) * material.E / material.G
-    slenderness = section.unit_second_moment / section.unit_area
-    eta = softness * slenderness * mean / part.length**2
-    return Bending(mean, ratio, eta, 1 / 12 + eta * (1 + ratio[0] + ratio[1]) / 3)
+    softness = 1 / material.section.kappa(material.nu) * material.E / material.G
+    eta = softness * mean.second_moment / (mean.area * part.length**2)
+    return Bending(f.turn, f.cross, eta, f.determinant + eta * f.whole)
 
 
 def elastic_stiffness(
@@ -175,16 +175,14 @@ def elastic_stiffness(
         modulus: relative modulus.
         material: of the struts.
     """
-    b, L, section = bending(part, material), part.length, material.section
-    EA = material.E * modulus * section.unit_area * b.mean
-    EI = material.E * modulus * section.unit_second_moment * b.mean**2
-    GJ = material.G * modulus * section.unit_torsion_constant * b.mean**2
-    spread = 1 + b.ratio[0] + b.ratio[1]
+    mean, L = material.section.mean(part.radii), part.length
+    b = bending(part, mean, material)
+    EI = material.E * modulus * mean.second_moment
     return EndStiffness(
-        extension=EA / L,
-        torsion=3 * GJ / (L * spread),
-        sway=EI / (b.scale * L**3) * spread / 3,
-        shear=EI / (b.scale * L**2) * (b.ratio / 3 + 1 / 6),
+        extension=material.E * modulus * mean.area / L,
+        torsion=material.G * modulus * mean.torsion_constant / L,
+        sway=EI / L**3 * jnp.sum(b.together),
+        shear=EI / L**2 * b.together,
         near=EI / L * b.near,
         far=EI / L * b.far,
     )

@@ -11,6 +11,6 @@ class FeaError(Exception):
     """
 
 
-def position_text(point: Float[np.ndarray, " 3"]) -> str:
+def position_text(point: Float[np.ndarray, " d"]) -> str:
     """A position as messages show it, such as "(1, 2.5, 3)"."""
     return f"({', '.join(f'{float(c):.6g}' for c in point)})"

@@ -19,6 +19,7 @@ from jax.tree_util import Partial
 from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import bsr_array
 
+from fea.abstract_section import AbstractSection
 from fea.assembly import Pattern
 from fea.batches import batches
 from fea.beam import (
@@ -46,8 +47,9 @@ from fea.frame_checks import (
 )
 from fea.frame_operator import diagonal_blocks, product
 from fea.linear_solve.element_operator import ElementOperator
+from fea.plane_checks import check_plane_loads, check_walls
 from fea.problem import AbstractProblem
-from fea.sections import AbstractSection
+from fea.sections import Wall
 from fea.shell import Triangle, shell_pairs, shell_stiffness, weighted_strains
 from fea.skin import Skin
 from fea.strut_loads import strut_joint_loads, strut_load_forces
@@ -185,7 +187,8 @@ class FrameProblem(AbstractProblem):
 
         Raises:
             FeaError: for struts without length or thickness, repeated struts, constants that no
-                material has, joints that nothing holds, and motions that the supports leave free.
+                material has, joints that nothing holds, motions that the supports leave free, and
+                walls that can leave their plane.
         """
         joints, struts = self.joints, self.struts
         if len(struts) == 0 and self.skin is None:
@@ -203,6 +206,12 @@ class FrameProblem(AbstractProblem):
         if self.skin is not None:
             self.skin.check(joints)
         check_couplings(self.couplings, joints, self.fixed)
+        if isinstance(self.section, Wall):
+            own = np.ones(len(joints), bool)
+            for coupling in self.couplings:
+                own[coupling.followers] = False
+            normal = check_walls(joints, self.fixed, self.value, own)
+            check_plane_loads(joints, self.forces, self.strut_loads, normal)
         check_used(joints, self.fixed, self.links)
         check_held(joints, self.fixed, self.links)
 

@@ -2,14 +2,18 @@
 
 Under a uniform mean strain E the displacement of a periodic frame is E x plus a field that repeats
 with the period; rotations repeat. So one number stands for all images of a joint, and a strut that
-leaves the period sees its second joint displaced by E times the periods it spans. Six unit strains on
-one factor give the energies
+leaves the period sees its second joint displaced by E times the periods it spans. Unit strains, six in
+space and three in the plane, on one factor give the energies
 
     C_ij = (1/V) sum over struts of u_i' K u_j,
 
 (Vigliotti, Pasini, Mech. Mater. 46 (2012) 57; Hutchinson, Fleck, J. Mech. Phys. Solids 54 (2006) 756
 for the kinematics). The fields are in equilibrium, so the derivative of C_ij by anything that K
 depends on is (1/V) u_i' dK u_j, without an adjoint solve.
+
+In the plane a joint has three of the six dofs, two displacements and the rotation about the axis of
+extrusion, and a strut is the wall in the depth of the period, so that C holds per unit depth. Walls are
+in plane stress: nothing hinders them along the axis of extrusion.
 """
 
 from collections.abc import Mapping
@@ -38,37 +42,44 @@ ArrayLike = Array | np.ndarray
 # this share of it.
 TURNS = 0.5
 
+# Dofs of a joint, and Voigt components of a strain, that there are in the plane.
+PLANE_DOFS = (0, 1, 5)
+PLANE_STRAINS = (0, 1, 5)
+
 
 @dataclass(frozen=True, eq=False)
 class HomogenisedFrame:
-    """What six unit strains do to a periodic frame.
+    """What unit strains do to a periodic frame.
+
+    There are six in space, xx, yy, zz, yz, xz, xy, and three in the plane, xx, yy, xy. Joints have six
+    dofs, ux, uy, uz, rx, ry, rz, and in the plane three, ux, uy, rz.
 
     Attributes:
         frame: what was homogenised.
-        C: effective elasticity matrix [MPa], Voigt order.
+        C: effective elasticity matrix [MPa].
         displacement: of the joints under each unit strain [mm] and [rad], one joint at rest.
-        residual: largest true |f - K u| / |f| over the six.
+        residual: largest true |f - K u| / |f| over all strains.
     """
 
     frame: PeriodicFrame
-    C: Float[np.ndarray, "6 6"]
-    displacement: Float[np.ndarray, "6 joints 6"]
+    C: Float[np.ndarray, "cases cases"]
+    displacement: Float[np.ndarray, "cases joints dofs"]
     residual: float
 
     @property
-    def strut_displacement(self) -> Float[np.ndarray, "6 struts 12"]:
+    def strut_displacement(self) -> Float[np.ndarray, "cases struts _"]:
         """Displacements and rotations of both joints of each strut under each unit strain."""
         return _strut_displacement(self.frame, self.displacement)
 
     @property
-    def end_forces(self) -> Float[np.ndarray, "6 struts 12"]:
+    def end_forces(self) -> Float[np.ndarray, "cases struts _"]:
         """What the joints exert on each strut under each unit strain [N, N mm], global axes."""
         u = jnp.asarray(self.strut_displacement)
         return np.asarray(_end_forces(_Topology.of(self.frame), self.frame.parameters, u))
 
 
 def homogenise_frame(frame: PeriodicFrame, *, solver: str = "auto") -> HomogenisedFrame:
-    """Effective stiffness of a periodic frame.
+    """Effective stiffness of a periodic frame, in space or in the plane.
 
     Args:
         frame: one period.
@@ -81,27 +92,26 @@ def homogenise_frame(frame: PeriodicFrame, *, solver: str = "auto") -> Homogenis
     require_x64()
     frame.check()
     stiffness = np.asarray(_stiffnesses(_Topology.of(frame), frame.parameters))
-    affine = _strut_displacement(frame, np.zeros((6, len(frame.joints), BLOCK)))
-    force = np.einsum("sij,csj->csi", stiffness, affine).reshape(6, -1, BLOCK)
-    load = np.zeros((len(frame.joints), BLOCK, 6))
+    cases, block = len(_unit_strains(frame)), len(_dofs(frame))
+    affine = _strut_displacement(frame, np.zeros((cases, len(frame.joints), block)))
+    force = np.einsum("sij,csj->csi", stiffness, affine).reshape(cases, -1, block)
+    load = np.zeros((len(frame.joints), block, cases))
     np.subtract.at(load, frame.struts.ravel(), np.moveaxis(force, 0, -1))
-    load[0, :3] = 0.0
-    K = held(_assembled(frame, stiffness))
-    near_null = rigid_body_modes(frame.joints, rotations=True)
-    near_null[:3] = 0.0
+    load[0, : frame.dimensions] = 0.0
+    K = held(_assembled(frame, stiffness), displacements=frame.dimensions)
     try:
-        factor = factorise(K, near_null=near_null, solver=solver)
-        solved = factor.solve(load.reshape(-1, 6))
+        factor = factorise(K, near_null=_near_null(frame), solver=solver)
+        solved = factor.solve(load.reshape(-1, cases))
     except SingularStiffness as failure:
         raise _named(failure, frame) from failure
-    u = solved.x.T.reshape(6, -1, BLOCK)
+    u = solved.x.T.reshape(cases, -1, block)
     whole = _strut_displacement(frame, u)
     C = np.einsum("isa,sab,jsb->ij", whole, stiffness, whole, optimize=True) / frame.volume
     return HomogenisedFrame(frame, (C + C.T) / 2, u, solved.residual)
 
 
 def homogenised_gradient(
-    solution: HomogenisedFrame, weights: Float[np.ndarray, "6 6"]
+    solution: HomogenisedFrame, weights: Float[np.ndarray, "cases cases"]
 ) -> dict[str, np.ndarray]:
     """Derivative of sum_ij w_ij C_ij by each of the frame's parameters, without a further solve.
 
@@ -122,7 +132,7 @@ def homogenised_gradient(
 
 def homogenised(
     frame: PeriodicFrame, *, solver: str = "auto", **parameters: ArrayLike
-) -> Float[Array, "6 6"]:
+) -> Float[Array, "cases cases"]:
     """Effective elasticity matrix [MPa], as a function that JAX differentiates.
 
     Call and differentiate it outside `jax.jit` and `jax.vmap`: the solver runs on the host.
@@ -174,41 +184,76 @@ _homogenised.defvjp(_forward, _backward)
 
 
 class _Topology(eqx.Module):
-    """What the struts are made of beside the parameters."""
+    """What the struts are made of beside the parameters, all of it in space."""
 
     struts: Int[Array, "struts 2"]
     shift: Float[Array, "struts 3"]
     material: StrutMaterial
+    dofs: tuple[int, ...] = eqx.field(static=True)
 
     @classmethod
     def of(cls, frame: PeriodicFrame) -> "_Topology":
         """That of a frame."""
-        shift = jnp.asarray(frame.offsets @ frame.periods)
-        return cls(jnp.asarray(frame.struts), shift, frame.material)
+        shift = _in_space(jnp.asarray(frame.offsets @ frame.periods))
+        # Of both joints.
+        dofs = (*_dofs(frame), *(BLOCK + dof for dof in _dofs(frame)))
+        return cls(jnp.asarray(frame.struts), shift, frame.material, dofs)
 
     def values(self, parameters: Mapping[str, ArrayLike]) -> Strut:
         """The struts with some parameters."""
         count = len(self.struts)
+        joints = _in_space(jnp.asarray(parameters["joints"]))
         return Strut(
-            ends=jnp.asarray(parameters["joints"])[self.struts].at[:, 1].add(self.shift),
+            ends=joints[self.struts].at[:, 1].add(self.shift),
             radii=jnp.asarray(parameters["radii"]),
             rigid_ends=jnp.asarray(parameters.get("rigid_ends", np.zeros((count, 2)))),
             modulus=jnp.asarray(parameters.get("modulus", np.ones(count))),
         )
 
+    def stiffnesses(self, parameters: Mapping[str, ArrayLike]) -> Float[Array, "struts dofs dofs"]:
+        """Of all struts, in the dofs that there are."""
+        dofs = np.array(self.dofs)
+        return beam_stiffnesses(self.values(parameters), self.material)[:, dofs[:, None], dofs]
+
+
+def _in_space(points: Float[Array, "points d"]) -> Float[Array, "points 3"]:
+    """Points of the plane with a third coordinate of zero; points in space as they are."""
+    return jnp.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+
+
+def _dofs(frame: PeriodicFrame) -> tuple[int, ...]:
+    return PLANE_DOFS if frame.dimensions == 2 else tuple(range(BLOCK))
+
+
+def _unit_strains(frame: PeriodicFrame) -> Float[np.ndarray, "cases d d"]:
+    if frame.dimensions == 3:
+        return UNIT_STRAINS
+    return UNIT_STRAINS[list(PLANE_STRAINS), :2, :2]
+
+
+def _near_null(frame: PeriodicFrame) -> Float[np.ndarray, "dofs modes"]:
+    """Rigid motions of the joints, joint 0 at rest."""
+    dofs = list(_dofs(frame))
+    modes = rigid_body_modes(np.asarray(_in_space(jnp.asarray(frame.joints))), rotations=True)
+    modes = modes.reshape(-1, BLOCK, BLOCK)[:, dofs][:, :, dofs]
+    modes[0, : frame.dimensions] = 0.0
+    return modes.reshape(-1, len(dofs))
+
 
 @eqx.filter_jit
 def _stiffnesses(
     topology: _Topology, parameters: Mapping[str, ArrayLike]
-) -> Float[Array, "struts 12 12"]:
-    return beam_stiffnesses(topology.values(parameters), topology.material)
+) -> Float[Array, "struts dofs dofs"]:
+    return topology.stiffnesses(parameters)
 
 
 @eqx.filter_jit
 def _end_forces(
-    topology: _Topology, parameters: Mapping[str, ArrayLike], u: Float[Array, "6 struts 12"]
-) -> Float[Array, "6 struts 12"]:
-    return beam_end_forces(topology.values(parameters), topology.material, u)
+    topology: _Topology, parameters: Mapping[str, ArrayLike], u: Float[Array, "cases struts dofs"]
+) -> Float[Array, "cases struts dofs"]:
+    dofs = np.array(topology.dofs)
+    whole = jnp.zeros((*u.shape[:2], 2 * BLOCK)).at[:, :, dofs].set(u)
+    return beam_end_forces(topology.values(parameters), topology.material, whole)[:, :, dofs]
 
 
 @eqx.filter_jit
@@ -216,38 +261,42 @@ def _bilinear_gradient(
     topology: _Topology, parameters: Mapping[str, ArrayLike], fields: tuple[Array, Array]
 ) -> dict[str, Array]:
     def value(parameters: dict[str, Array]) -> Array:
-        K = beam_stiffnesses(topology.values(parameters), topology.material)
+        K = topology.stiffnesses(parameters)
         return jnp.einsum("csi,sij,csj->", fields[0], K, fields[1])  # case, strut, dof
 
     return jax.grad(value)({name: jnp.asarray(v) for name, v in parameters.items()})
 
 
 def _strut_displacement(
-    frame: PeriodicFrame, u: Float[np.ndarray, "6 joints 6"]
-) -> Float[np.ndarray, "6 struts 12"]:
+    frame: PeriodicFrame, u: Float[np.ndarray, "cases joints dofs"]
+) -> Float[np.ndarray, "cases struts _"]:
     """Of both ends of each strut: the joints' and, at the second, E times the periods it spans."""
     ends = u[:, frame.struts]
     spanned = frame.offsets @ frame.periods
-    ends[:, :, 1, :3] += np.einsum("cxy,sy->csx", UNIT_STRAINS, spanned)  # case, strut
-    return ends.reshape(6, len(frame.struts), 2 * BLOCK)
+    # Case, strut.
+    ends[:, :, 1, : frame.dimensions] += np.einsum("cxy,sy->csx", _unit_strains(frame), spanned)
+    return ends.reshape(len(u), len(frame.struts), -1)
 
 
-def _assembled(frame: PeriodicFrame, stiffness: Float[np.ndarray, "struts 12 12"]) -> bsr_array:
-    blocks = stiffness.reshape(-1, 2, BLOCK, 2, BLOCK).transpose(0, 1, 3, 2, 4)
+def _assembled(frame: PeriodicFrame, stiffness: Float[np.ndarray, "struts dofs dofs"]) -> bsr_array:
+    block = len(_dofs(frame))
+    blocks = stiffness.reshape(-1, 2, block, 2, block).transpose(0, 1, 3, 2, 4)
     rows = np.repeat(frame.struts, 2, axis=1).ravel()
     columns = np.tile(frame.struts, 2).ravel()
-    return summed_blocks(rows, columns, blocks.reshape(-1, BLOCK, BLOCK), len(frame.joints))
+    return summed_blocks(rows, columns, blocks.reshape(-1, block, block), len(frame.joints))
 
 
 def _named(failure: SingularStiffness, frame: PeriodicFrame) -> SingularStiffness:
     """The same failure, with the joint that moves most."""
     if failure.mode is None:
         return failure
-    mode = failure.mode.reshape(-1, 2, 3)
+    moves = frame.dimensions
+    mode = failure.mode.reshape(len(frame.joints), -1)
     reach = float(np.linalg.norm(frame.periods, axis=1).max())
-    size = np.linalg.norm(mode, axis=2) * [1.0, reach]
-    joint = int(np.argmax(size.max(axis=1)))
-    does = "turn" if size[joint, 1] > TURNS * size[joint].sum() else "move"
+    displacement = np.linalg.norm(mode[:, :moves], axis=1)
+    rotation = np.linalg.norm(mode[:, moves:], axis=1) * reach
+    joint = int(np.argmax(np.maximum(displacement, rotation)))
+    does = "turn" if rotation[joint] > TURNS * (displacement + rotation)[joint] else "move"
     return SingularStiffness(
         f"The periodic frame is a mechanism: joint {joint} at {position_text(frame.joints[joint])} mm "
         f"can {does} at no cost; add struts that resist it.",

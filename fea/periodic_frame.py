@@ -1,4 +1,4 @@
-"""One period of a periodic frame: every joint and every strut once."""
+"""One period of a periodic frame, in space or in the plane: every joint and every strut once."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, Int
 from fea.beam import StrutMaterial
 from fea.errors import FeaError, position_text
 from fea.periodicity import cell_volume, check_connected, images
+from fea.sections import Wall
 
 # Radii of images of one strut agree to this share.
 SAME_RADIUS = 1e-9
@@ -17,21 +18,24 @@ SAME_RADIUS = 1e-9
 class PeriodicFrame:
     """Joints and struts of one period.
 
+    In space there are three periods. In the plane, d = 2, there are two and the struts are walls of an
+    extruded lattice: `material.section` is a `fea.Wall`, whose depth is that of the period.
+
     Attributes:
         joints: positions [mm].
         struts: the two joints of each strut.
         offsets: periods from the second joint to the image of it that the strut ends at.
-        periods: the three period vectors, one a row [mm].
+        periods: the d period vectors, one a row [mm].
         radii: section radius at both ends of each strut [mm].
         material: E [MPa], nu and section.
         rigid_ends: length at each end that does not deform [mm]; None: none.
         modulus: factor on E and G of each strut; None: one.
     """
 
-    joints: Float[np.ndarray, "joints 3"]
+    joints: Float[np.ndarray, "joints d"]
     struts: Int[np.ndarray, "struts 2"]
-    offsets: Int[np.ndarray, "struts 3"]
-    periods: Float[np.ndarray, "3 3"]
+    offsets: Int[np.ndarray, "struts d"]
+    periods: Float[np.ndarray, "d d"]
     radii: Float[np.ndarray, "struts 2"]
     material: StrutMaterial
     rigid_ends: Float[np.ndarray, "struts 2"] | None = None
@@ -40,10 +44,10 @@ class PeriodicFrame:
     @classmethod
     def from_block(
         cls,
-        joints: Float[np.ndarray, "points 3"],
+        joints: Float[np.ndarray, "points d"],
         struts: Int[np.ndarray, "elements 2"],
         radii: Float[np.ndarray, "elements 2"],
-        periods: Float[np.ndarray, "3 3"],
+        periods: Float[np.ndarray, "d d"],
         material: StrutMaterial,
     ) -> "PeriodicFrame":
         """A frame from a block that shows one period, with what its faces share on both sides.
@@ -52,7 +56,7 @@ class PeriodicFrame:
             joints: positions [mm]; images on opposite faces become one joint.
             struts: the two joints of each strut; images become one strut.
             radii: section radius at both ends of each strut [mm].
-            periods: the three period vectors, one a row [mm].
+            periods: the d period vectors, one a row [mm].
             material: E [MPa], nu and section.
 
         Raises:
@@ -99,10 +103,16 @@ class PeriodicFrame:
     @property
     def volume(self) -> float:
         """Volume of one period [mm³], solid and void."""
-        return cell_volume(self.periods)
+        section = self.material.section
+        return cell_volume(self.periods) * (section.depth if isinstance(section, Wall) else 1.0)
 
     @property
-    def ends(self) -> Float[np.ndarray, "struts 2 3"]:
+    def dimensions(self) -> int:
+        """3 in space, 2 in the plane."""
+        return len(self.periods)
+
+    @property
+    def ends(self) -> Float[np.ndarray, "struts 2 d"]:
         """Where each strut begins and ends [mm]."""
         ends = self.joints[self.struts]
         ends[:, 1] += self.offsets @ self.periods
@@ -126,6 +136,7 @@ class PeriodicFrame:
                 exist or are given twice, constants that no material has, a frame that falls apart.
         """
         cell_volume(self.periods)
+        self._check_section()
         count = len(self.joints)
         for name in ("offsets", "radii", "rigid_ends", "modulus"):
             values = getattr(self, name)
@@ -150,6 +161,19 @@ class PeriodicFrame:
             raise FeaError(f"E = {E:g}, nu = {nu:g}: need E > 0 and -1 < nu <= 0.5.")
         self._check_struts()
         check_connected(self.struts, self.joints, "frame")
+
+    def _check_section(self) -> None:
+        section = self.material.section
+        if self.dimensions == 2 and not isinstance(section, Wall):
+            raise FeaError(
+                f"A periodic frame in the plane has struts of section {type(section).__name__}, which says "
+                "nothing of their depth; give Wall."
+            )
+        if self.dimensions == 3 and isinstance(section, Wall):
+            raise FeaError(
+                "A periodic frame in space has struts of section Wall, which bends in its plane only; "
+                "give joints and periods two coordinates, or another section."
+            )
 
     def _check_struts(self) -> None:
         ends = self.ends
@@ -182,7 +206,7 @@ class PeriodicFrame:
         return again
 
 
-def _is_backward(step: Int[np.ndarray, "struts 3"]) -> Bool[np.ndarray, " struts"]:
+def _is_backward(step: Int[np.ndarray, "struts d"]) -> Bool[np.ndarray, " struts"]:
     """True where the first component that is not zero is negative."""
     first = np.argmax(step != 0, axis=1)
     return np.take_along_axis(step, first[:, None], axis=1)[:, 0] < 0

@@ -1,7 +1,8 @@
 """Which points of one period are images of each other, and matrices on the points that are left.
 
-A periodic structure is given by what lies in one period: points, and three period vectors. Points
-that differ by whole periods are one point, so stiffness is summed on one number for each.
+A periodic structure is given by what lies in one period: points, and three period vectors, or two in
+the plane. Points that differ by whole periods are one point, so stiffness is summed on one number for
+each.
 """
 
 from dataclasses import dataclass
@@ -37,14 +38,14 @@ class Images:
 
     number: Int[np.ndarray, " points"]
     first: Int[np.ndarray, " numbers"]
-    offset: Int[np.ndarray, "points 3"]
+    offset: Int[np.ndarray, "points d"]
 
 
-def cell_volume(periods: Float[np.ndarray, "3 3"]) -> float:
-    """Volume of one period [mm³].
+def cell_volume(periods: Float[np.ndarray, "d d"]) -> float:
+    """Volume of one period [mm³], or its area in the plane [mm²].
 
     Args:
-        periods: the three period vectors, one a row [mm].
+        periods: the period vectors, one a row [mm].
 
     Raises:
         FeaError: when they are not numbers or span no volume.
@@ -53,18 +54,20 @@ def cell_volume(periods: Float[np.ndarray, "3 3"]) -> float:
     volume = abs(float(np.linalg.det(periods))) if np.isfinite(periods).all() else 0.0
     if not volume > FLAT * float(np.prod(np.linalg.norm(periods, axis=1))):
         rows = ", ".join(position_text(row) for row in periods)
+        nothing, number = ("volume", "three") if len(periods) == 3 else ("area", "two")
         raise FeaError(
-            f"The periods {rows} mm span no volume; give three vectors, one a row, that repeat the cell."
+            f"The periods {rows} mm span no {nothing}; give {number} vectors, one a row, that repeat the "
+            "cell."
         )
     return volume
 
 
-def images(points: Float[np.ndarray, "points 3"], periods: Float[np.ndarray, "3 3"]) -> Images:
+def images(points: Float[np.ndarray, "points d"], periods: Float[np.ndarray, "d d"]) -> Images:
     """Find which points differ by whole periods, in coordinates of the periods.
 
     Args:
         points: positions [mm].
-        periods: the three period vectors, one a row [mm].
+        periods: the period vectors, one a row [mm].
 
     Raises:
         FeaError: when the periods span no volume, two points are at one place, or two are so close
@@ -95,9 +98,9 @@ def images(points: Float[np.ndarray, "points 3"], periods: Float[np.ndarray, "3 
 
 
 def _check_places(
-    points: Float[np.ndarray, "points 3"],
+    points: Float[np.ndarray, "points d"],
     number: Int[np.ndarray, " points"],
-    offset: Int[np.ndarray, "points 3"],
+    offset: Int[np.ndarray, "points d"],
 ) -> None:
     order = np.lexsort((*offset.T, number))
     key = np.column_stack([number, offset])[order]
@@ -110,7 +113,7 @@ def _check_places(
 
 
 def check_connected(
-    ends: Int[np.ndarray, "links 2"], points: Float[np.ndarray, "points 3"], what: str
+    ends: Int[np.ndarray, "links 2"], points: Float[np.ndarray, "points d"], what: str
 ) -> None:
     """Refuse a periodic structure that consists of several.
 
@@ -163,17 +166,23 @@ def summed_blocks(
     )
 
 
-def held(K: bsr_array) -> bsr_array:
-    """K with the three displacements of node 0 at rest: uncoupled, with a stiffness of their own."""
+def held(K: bsr_array, *, displacements: int = 3) -> bsr_array:
+    """K with the displacements of node 0 at rest: uncoupled, with a stiffness of their own.
+
+    Args:
+        K: in whole node blocks.
+        displacements: how many dofs of a node these are; they come first.
+    """
     data = K.data.copy()
     row = np.repeat(np.arange(len(K.indptr) - 1), np.diff(K.indptr))
     in_row, in_column = row == 0, K.indices == 0
     own = int(np.flatnonzero(in_row & in_column)[0])
     # Not their own diagonal: that of a single joint is zero.
     stiff = float(K.diagonal().max())
-    data[in_row, :3, :] = 0.0
-    data[in_column, :, :3] = 0.0
-    data[own, [0, 1, 2], [0, 1, 2]] = stiff
+    first = np.arange(displacements)
+    data[in_row, :displacements, :] = 0.0
+    data[in_column, :, :displacements] = 0.0
+    data[own, first, first] = stiff
     return bsr_array((data, K.indices, K.indptr), shape=K.shape)
 
 

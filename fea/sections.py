@@ -1,21 +1,11 @@
-"""Cross-sections of struts: what a beam element needs to know of them.
+"""Cross-sections of struts: round, tubular, square, wall, and by given constants."""
 
-A section bends equally in all directions (one second moment of area), so a strut needs no
-orientation about its own axis. Sizes are given by one number, the radius: for a square, half the
-side; for a tube, the outer radius.
-"""
-
-import abc
 import math
+from typing import ClassVar
 
-import equinox as eqx
-import numpy as np
-from jaxtyping import Array, Float
-
+from fea.abstract_section import AbstractSection, Radius
 from fea.errors import FeaError
-
-# Either kind of array: element code is traced by JAX, set-up and results are NumPy.
-Radius = Float[Array, "*shape"] | Float[np.ndarray, "*shape"]
+from fea.taper import AbstractTaper, OneEdge, Similar
 
 # Torsion of a square of side s: J = 0.1406 s^4 and peak shear stress T/(0.2082 s^3), at the
 # middle of a side. Timoshenko, Goodier, Theory of Elasticity, 3rd ed., section 109, table, b/a = 1.
@@ -25,81 +15,7 @@ SQUARE_TORSION_MODULUS = 0.208165
 # Peak over mean of the shear stress that a transverse force makes, at the neutral axis:
 # V Q/(I b) of elementary beam theory.
 ROUND_SHEAR_PEAK = 4 / 3
-SQUARE_SHEAR_PEAK = 3 / 2
-
-
-class AbstractSection(eqx.Module):
-    """Properties of a strut's section as functions of its radius [mm].
-
-    A section tapers by its `size`, which is linear along a tapered strut: A = A_1 size² and I, J =
-    I_1, J_1 size⁴, with A_1, I_1, J_1 the constants of the section of size 1 mm.
-
-    Attributes:
-        shear_factor: Timoshenko's kappa; the effective shear area is kappa A. None takes Cowper's
-            value for the material's Poisson's ratio; infinity is the Euler-Bernoulli beam.
-
-    Raises:
-        FeaError: when the shear factor is not positive.
-    """
-
-    shear_factor: eqx.AbstractVar[float | None]
-
-    def __check_init__(self):
-        if self.shear_factor is not None and not self.shear_factor > 0:
-            raise FeaError(
-                f"shear_factor = {self.shear_factor:g}: must be positive; infinity neglects shear."
-            )
-
-    @abc.abstractmethod
-    def size(self, radius: Radius) -> Radius:
-        """What scales the section [mm]: the radius, or 1 for a section that does not change."""
-
-    @property
-    @abc.abstractmethod
-    def unit_area(self) -> float:
-        """Area A_1 at size 1 mm [mm²]."""
-
-    @property
-    @abc.abstractmethod
-    def unit_second_moment(self) -> float:
-        """Second moment of area I_1 at size 1 mm, about any axis through the centroid [mm⁴]."""
-
-    @property
-    @abc.abstractmethod
-    def unit_torsion_constant(self) -> float:
-        """St Venant's torsion constant J_1 at size 1 mm [mm⁴]."""
-
-    @abc.abstractmethod
-    def cowper(self, nu: float) -> float:
-        """Shear factor of Cowper, J. Appl. Mech. 33 (1966) 335, for Poisson's ratio nu."""
-
-    @abc.abstractmethod
-    def bending_modulus(self, radius: Radius) -> Radius:
-        """Moment over the largest bending stress it makes, worst direction [mm³]."""
-
-    @abc.abstractmethod
-    def torsion_modulus(self, radius: Radius) -> Radius:
-        """Torque over the largest shear stress it makes [mm³]."""
-
-    @abc.abstractmethod
-    def shear_modulus_area(self, radius: Radius) -> Radius:
-        """Transverse force over the largest shear stress it makes [mm²]."""
-
-    def area(self, radius: Radius) -> Radius:
-        """Area A [mm²]."""
-        return self.unit_area * self.size(radius) ** 2
-
-    def second_moment(self, radius: Radius) -> Radius:
-        """Second moment of area I [mm⁴]."""
-        return self.unit_second_moment * self.size(radius) ** 4
-
-    def torsion_constant(self, radius: Radius) -> Radius:
-        """Torsion constant J [mm⁴]."""
-        return self.unit_torsion_constant * self.size(radius) ** 4
-
-    def kappa(self, nu: float) -> float:
-        """Shear factor in use: the given one, else Cowper's."""
-        return self.cowper(nu) if self.shear_factor is None else self.shear_factor
+RECTANGLE_SHEAR_PEAK = 3 / 2
 
 
 class Round(AbstractSection):
@@ -109,6 +25,7 @@ class Round(AbstractSection):
         shear_factor: None for Cowper's 6 (1 + nu)/(7 + 6 nu); 0.9 is the other common choice.
     """
 
+    taper: ClassVar[AbstractTaper] = Similar()
     shear_factor: float | None = None
 
     def size(self, radius: Radius) -> Radius:
@@ -158,6 +75,7 @@ class Tube(AbstractSection):
         FeaError: when the ratio is not in [0, 1).
     """
 
+    taper: ClassVar[AbstractTaper] = Similar()
     ratio: float
     shear_factor: float | None = None
 
@@ -213,6 +131,7 @@ class Square(AbstractSection):
         shear_factor: None for Cowper's 10 (1 + nu)/(12 + 11 nu).
     """
 
+    taper: ClassVar[AbstractTaper] = Similar()
     shear_factor: float | None = None
 
     def size(self, radius: Radius) -> Radius:
@@ -248,7 +167,68 @@ class Square(AbstractSection):
 
     def shear_modulus_area(self, radius: Radius) -> Radius:
         """2/3 of the area [mm²]."""
-        return self.area(radius) / SQUARE_SHEAR_PEAK
+        return self.area(radius) / RECTANGLE_SHEAR_PEAK
+
+
+class Wall(AbstractSection):
+    """Wall of an extruded lattice, the radius being half its thickness: a beam in one plane.
+
+    Its depth is along the axis of extrusion, which it bends about; out of its plane it is a plate, which
+    no beam is, so frames of walls are held in their plane (`fea.in_plane`). With walls of several depths
+    give the section unit depth and `modulus` of each strut times its depth in mm: displacements, forces in
+    the struts, compliance and loads at which they buckle are then exact; stress is too large by that
+    factor, mass and weight too small.
+
+    Attributes:
+        depth: of all walls [mm].
+        shear_factor: None for Cowper's rectangle, 10 (1 + nu)/(12 + 11 nu).
+
+    Raises:
+        FeaError: when the depth is not positive.
+    """
+
+    taper: ClassVar[AbstractTaper] = OneEdge()
+    depth: float = 1.0
+    shear_factor: float | None = None
+
+    def __check_init__(self):
+        if not 0 < self.depth < math.inf:
+            raise FeaError(f"depth = {self.depth:g} mm of a wall: give a positive number.")
+
+    def size(self, radius: Radius) -> Radius:
+        """Half the thickness."""
+        return radius
+
+    @property
+    def unit_area(self) -> float:
+        """Area 2 r b, b the depth."""
+        return 2 * self.depth
+
+    @property
+    def unit_second_moment(self) -> float:
+        """Second moment b (2 r)³/12 about the axis of extrusion."""
+        return 2 / 3 * self.depth
+
+    @property
+    def unit_torsion_constant(self) -> float:
+        """Twice the second moment, a value that nothing in the plane depends on."""
+        return 4 / 3 * self.depth
+
+    def cowper(self, nu: float) -> float:
+        """10 (1 + nu)/(12 + 11 nu)."""
+        return 10 * (1 + nu) / (12 + 11 * nu)
+
+    def bending_modulus(self, radius: Radius) -> Radius:
+        """Depth times (2 r)²/6 [mm³]."""
+        return 2 / 3 * self.depth * radius**2
+
+    def torsion_modulus(self, radius: Radius) -> Radius:
+        """Twice the bending modulus; no torque acts in the plane."""
+        return 4 / 3 * self.depth * radius**2
+
+    def shear_modulus_area(self, radius: Radius) -> Radius:
+        """2/3 of the area [mm²]."""
+        return self.area(radius) / RECTANGLE_SHEAR_PEAK
 
 
 class Given(AbstractSection):
@@ -264,6 +244,7 @@ class Given(AbstractSection):
         FeaError: when a constant is not positive.
     """
 
+    taper: ClassVar[AbstractTaper] = Similar()
     A: float
     I: float
     J: float
@@ -314,12 +295,12 @@ class Given(AbstractSection):
 
 
 def section(name: str) -> AbstractSection:
-    """The section called "round" or "square", with Cowper's shear factor.
+    """The section called "round", "square" or "wall" (of unit depth), with Cowper's shear factor.
 
     Raises:
         FeaError: for any other name.
     """
-    known = {"round": Round, "square": Square}
+    known = {"round": Round, "square": Square, "wall": Wall}
     if name not in known:
         raise FeaError(f'section = "{name}" is unknown; known: {", ".join(known)}.')
     return known[name]()

@@ -23,6 +23,29 @@ class IsotropicModuli:
         return (3 * self.bulk - 2 * self.shear) / (6 * self.bulk + 2 * self.shear)
 
 
+@dataclass(frozen=True)
+class PlaneModuli:
+    """Moduli of an isotropic sheet in plane stress [MPa].
+
+    Attributes:
+        area: mean of the two principal stresses over the share of area that is lost or won.
+        shear: shear modulus.
+    """
+
+    area: float
+    shear: float
+
+    @property
+    def E(self) -> float:
+        """Young's modulus 4 K G/(K + G) [MPa]."""
+        return 4 * self.area * self.shear / (self.area + self.shear)
+
+    @property
+    def nu(self) -> float:
+        """Poisson's ratio (K - G)/(K + G), between -1 and 1."""
+        return (self.area - self.shear) / (self.area + self.shear)
+
+
 def voigt_bound(E: float, density: float) -> float:
     """Largest Young's modulus in any direction of a solid with voids [MPa]: E times the density.
 
@@ -58,6 +81,43 @@ def hashin_shtrikman_bound(E: float, nu: float, density: float) -> IsotropicModu
     bulk = K - void / (1 / K - 3 * density / (3 * K + 4 * G))
     shear = G - void / (1 / G - 6 * density * (K + 2 * G) / (5 * G * (3 * K + 4 * G)))
     return IsotropicModuli(bulk, shear)
+
+
+def plane_hashin_shtrikman_bound(E: float, nu: float, density: float) -> PlaneModuli:
+    """Largest moduli of an isotropic sheet with holes; its Young's modulus is E rho/(3 - 2 rho).
+
+    Hashin, J. Mech. Phys. Solids 13 (1965) 119, for plane strain, with one phase empty; in plane stress
+    with the moduli of the sheet, K = E/(2 (1 - nu)).
+
+    Args:
+        E: Young's modulus of the solid [MPa].
+        nu: its Poisson's ratio.
+        density: share of the area that is solid.
+
+    Raises:
+        FeaError: for a density outside 0 to 1.
+    """
+    _check_density(density)
+    K, G, void = E / (2 * (1 - nu)), E / (2 * (1 + nu)), 1 - density
+    return PlaneModuli(
+        area=density * K * G / (void * K + G), shear=density * K * G / (void * (K + 2 * G) + K)
+    )
+
+
+def extruded_modulus(E: float, density: float) -> float:
+    """Young's modulus of an extruded lattice along its axis of extrusion [MPa]: E times the density.
+
+    All walls stretch, and contract across by nu of the solid, so that they still fit: Voigt's bound is
+    reached exactly, whatever the cell (Gibson, Ashby, Cellular Solids, 2nd ed., section 4.4).
+
+    Args:
+        E: Young's modulus of the solid [MPa].
+        density: share of the area that is solid.
+
+    Raises:
+        FeaError: for a density outside 0 to 1.
+    """
+    return voigt_bound(E, density)
 
 
 def _check_density(density: float) -> None:

@@ -15,15 +15,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from fea.abstract_section import AbstractSection
 from fea.beam import ElasticPart, Strut, StrutMaterial, bending, elastic_part
-from fea.sections import AbstractSection
 
 ArrayLike = Array | np.ndarray
 
 # Monomials 1, z, z² of z = x/span, of the parabolas through the three given values.
 QUADRATIC = np.array([[1.0, -3.0, 2.0], [0.0, 4.0, -4.0], [0.0, -1.0, 2.0]])
 
-# Points of the integrals of m_0/s⁴, whose closed form is singular without taper. Error of the joint
+# Points of the integrals of m_0/I, whose closed form is singular without taper. Error of the joint
 # forces against 200 points, relative to the largest, by ratio of the end radii: 2e-15 at 3, 1e-13 at
 # 5, 2e-9 at 10, 5e-6 at 40. A prismatic strut needs three.
 TAPER_POINTS = 20
@@ -74,13 +74,17 @@ def _rigid_end_shares(part: ElasticPart) -> LoadShares:
 
 def _elastic_shares(part: ElasticPart, material: StrutMaterial) -> LoadShares:
     """Work-equivalent forces and moments at the ends of the elastic part."""
-    L, b = part.length, bending(part, material)
+    section, L = material.section, part.length
+    mean = section.mean(part.radii)
+    b = bending(part, mean, material)
     c = _local_monomials(part).T  # power of xi, load
     points, w = np.polynomial.legendre.leggauss(TAPER_POINTS)
     xi, w = (points + 1) / 2, w[:, None] / 2
     x = jnp.asarray(xi)
-    s = material.section.size(part.radii[0] * (1 - x) + part.radii[1] * x)
-    soft = b.mean / s**2  # flexibility in extension and shear; its square, in bending and torsion
+    radius = part.radii[0] * (1 - x) + part.radii[1] * x
+    # Flexibility in extension and shear, and in bending, over that of the mean section.
+    soft = mean.area / section.area(radius)
+    bent = mean.second_moment / section.second_moment(radius)
 
     # Simply supported under q = xi^k: m'' = q, m = 0 at both ends, moment m L², shear force -m' L.
     power = np.arange(3)
@@ -89,8 +93,8 @@ def _elastic_shares(part: ElasticPart, material: StrutMaterial) -> LoadShares:
     sheared = b.shear * (soft @ jnp.asarray(w * dm))
     # End rotations under the load in units of L³/EI, and the moments (sagging positive) that undo
     # them.
-    va = soft**2 @ jnp.asarray(w * (1 - xi[:, None]) * m) - sheared
-    vb = soft**2 @ jnp.asarray(w * xi[:, None] * m) + sheared
+    va = bent @ jnp.asarray(w * (1 - xi[:, None]) * m) - sheared
+    vb = bent @ jnp.asarray(w * xi[:, None] * m) + sheared
     ma = (-b.near[0] * va + b.far * vb) @ c * L**2
     mb = (b.far * va - b.near[1] * vb) @ c * L**2
 

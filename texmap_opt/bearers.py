@@ -1,6 +1,7 @@
 """What supports hold and loads act on: the joints of a bare lattice, or the vertices of its skin.
 
-The rules are those of docs/decisions/0002-supports-and-loads-on-frames.md.
+The rules are those of docs/decisions/0002-supports-and-loads-on-frames.md, and for walls of
+docs/decisions/0011-mechanics-of-extruded-lattices.md.
 """
 
 import abc
@@ -16,9 +17,15 @@ from texmap_opt.errors import LatticeError
 from texmap_opt.part import Part
 from texmap_opt.region import AbstractRegion
 from texmap_opt.region_reach import RegionReach
+from texmap_opt.skin_mesh import SkinMesh
 from texmap_opt.skinned_frame import FrameSkin, forces_on_skin, frame_skin
 from texmap_opt.stress_field import StressField, selected_nodes
 from texmap_opt.structure.structure import Structure
+from texmap_opt.wall_skin import wall_skin
+
+# Vertices of a sheet closer than this share of its triangles' edge, root mean square, to their centre
+# offer no lever arm to a moment.
+LEVER_SHARE = 0.1
 
 Forces = Float[np.ndarray, "joints 6"]
 
@@ -100,13 +107,8 @@ class StrutJoints(AbstractBearer):
         if load.region is None:
             return forces
         reached = self.reach.reached(load.where, load.region)
-        loaded = np.flatnonzero(nodal.any(axis=1))
-        forces[reached] = carried_forces(
-            self.structure.joints[reached],
-            self.reach.stress.mesh.nodes[loaded],
-            nodal[loaded],
-            lever=float(self.structure.radii.mean()),
-        )
+        lever = float(self.structure.radii.mean())
+        forces[reached] = _carried_to(self.reach, reached, nodal, lever=lever)
         return forces
 
     def own_weight(self, density: float, g: Float[np.ndarray, " 3"]) -> Forces:
@@ -121,22 +123,24 @@ class SkinVertices(AbstractBearer):
     Attributes:
         lattice: joints of the struts, which come first.
         skin: the shells.
+        mesh: the surface they are.
         stress: analysis of the solid part; its mesh tells what a region selects.
     """
 
     lattice: int
     skin: FrameSkin
+    mesh: SkinMesh
     stress: StressField
 
     @property
     def joints(self) -> int:
         """See `AbstractBearer`."""
-        return self.lattice + len(self.skin.mesh.nodes)
+        return self.lattice + len(self.mesh.nodes)
 
     def held(self, where: str, region: AbstractRegion) -> Int[np.ndarray, " reached"]:
         """See `AbstractBearer`."""
         chosen = selected_nodes(self.stress.mesh, region)
-        found = np.flatnonzero(np.isin(self.skin.mesh.nodes, chosen))
+        found = np.flatnonzero(np.isin(self.mesh.nodes, chosen))
         if len(found) == 0:
             raise LatticeError(
                 f"{where} region: no corner of the skin's triangles lies in {region.describe()}; use a "
@@ -147,14 +151,68 @@ class SkinVertices(AbstractBearer):
     def carried(self, load: Load, nodal: Float[np.ndarray, "nodes 3"]) -> Forces:
         """See `AbstractBearer`."""
         forces = np.zeros((self.joints, 6))
-        forces[self.lattice :] = forces_on_skin(self.stress.mesh, self.skin.mesh, nodal)
+        forces[self.lattice :] = forces_on_skin(self.stress.mesh, self.mesh, nodal)
         return forces
 
     def own_weight(self, density: float, g: Float[np.ndarray, " 3"]) -> Forces:
         """That of the skin."""
-        points = np.zeros((self.joints, 3))
-        points[self.lattice :] = self.skin.mesh.surface.vertices
-        return np.asarray(skin_gravity_forces(self.skin.shell, points, density, g))
+        return _weight_of(self.skin, self.lattice, density, g)
+
+
+@dataclass(frozen=True, eq=False)
+class SheetVertices(AbstractBearer):
+    """Vertices of the sheet that plates and rim of an extruded lattice are.
+
+    Attributes:
+        lattice: joints of the walls, which come first.
+        skin: the sheet.
+        reach: which of its vertices a region reaches.
+        edge: of its triangles [mm].
+    """
+
+    lattice: int
+    skin: FrameSkin
+    reach: RegionReach
+    edge: float
+
+    @property
+    def joints(self) -> int:
+        """See `AbstractBearer`."""
+        return self.lattice + len(self.skin.mesh.surface.vertices)
+
+    def held(self, where: str, region: AbstractRegion) -> Int[np.ndarray, " reached"]:
+        """See `AbstractBearer`."""
+        return self.lattice + self._reached(where, region)
+
+    def carried(self, load: Load, nodal: Float[np.ndarray, "nodes 3"]) -> Forces:
+        """See `AbstractBearer`."""
+        forces = np.zeros((self.joints, 6))
+        if load.region is None:
+            return forces
+        reached = self._reached(load.where, load.region)
+        lever = LEVER_SHARE * self.edge
+        forces[self.lattice + reached] = _carried_to(self.reach, reached, nodal, lever=lever)
+        return forces
+
+    def own_weight(self, density: float, g: Float[np.ndarray, " 3"]) -> Forces:
+        """That of plates and rim."""
+        return _weight_of(self.skin, self.lattice, density, g)
+
+    def _reached(self, where: str, region: AbstractRegion) -> Int[np.ndarray, " reached"]:
+        near = self.reach.meets(region)
+        if not near.any():
+            raise LatticeError(
+                f"{where} region: no corner of the skin's triangles, which are {self.edge:.3g} mm long, "
+                f"lies in {region.describe()} seen along the axis of extrusion; use smaller cells or a "
+                "larger region."
+            )
+        return np.flatnonzero(near)
+
+
+def _weight_of(skin: FrameSkin, lattice: int, density: float, g: np.ndarray) -> Forces:
+    """Weight of a skin, whose vertices come after the joints of the lattice [N]."""
+    points = np.concatenate([np.zeros((lattice, 3)), skin.mesh.surface.vertices])
+    return np.asarray(skin_gravity_forces(skin.shell, points, density, g))
 
 
 def bearer_of(
@@ -165,11 +223,37 @@ def bearer_of(
     Raises:
         LatticeError: a strut end that misses the skin, or a skin that holds no strut.
     """
-    if case.lattice.skin_mm > 0:
-        skin = frame_skin(structure, part, case, stress.mesh)
-        return SkinVertices(len(structure.joints), skin, stress)
+    walls, skin_mm = structure.extrusion, case.lattice.skin_mm
+    if skin_mm > 0 and walls is not None:
+        skin, sheet = wall_skin(structure, walls, part, case)
+        vertices = sheet.surface.vertices
+        # Vertices on the outline are in the middle of nothing: half a skin off still counts.
+        reach = RegionReach.of(vertices, part, case, stress, skin_mm / 2, walls=walls)
+        return SheetVertices(len(structure.joints), skin, reach, sheet.edge)
+    if skin_mm > 0:
+        skin, mesh = frame_skin(structure, part, case, stress.mesh)
+        return SkinVertices(len(structure.joints), skin, mesh, stress)
     thickest = float(structure.radii.max())
-    return StrutJoints(structure, RegionReach.of(structure.joints, part, case, stress, thickest))
+    reach = RegionReach.of(structure.joints, part, case, stress, thickest, walls=walls)
+    return StrutJoints(structure, reach)
+
+
+def _carried_to(
+    reach: RegionReach,
+    reached: Int[np.ndarray, " reached"],
+    nodal: Float[np.ndarray, "nodes 3"],
+    *,
+    lever: float,
+) -> Float[np.ndarray, "reached 6"]:
+    """`carried_forces` of the forces on the solid's nodes [N], of walls what is in their plane."""
+    loaded = np.flatnonzero(nodal.any(axis=1))
+    points, applied = reach.stress.mesh.nodes[loaded], nodal[loaded]
+    if reach.walls is not None:
+        # Along the axis of extrusion a wall is rigid: forces act where they are seen along it.
+        axis, middle = reach.walls.axis, (reach.walls.low + reach.walls.high) / 2
+        points = points - (points @ axis - middle)[:, None] * axis
+        applied = applied - (applied @ axis)[:, None] * axis
+    return carried_forces(reach.joints[reached], points, applied, lever=lever)
 
 
 def carried_forces(

@@ -21,12 +21,13 @@ from texmap_opt.case_sections import (
     OutputSection,
     PaintSection,
     PartSection,
-    SizingSection,
     SupportSection,
     WarpSection,
 )
+from texmap_opt.case_sizing import SizingSection
 from texmap_opt.case_table import number, read_section
 from texmap_opt.case_warp import check_warp, painted_regions
+from texmap_opt.case_zones import Zone, ZoneSection, zones
 from texmap_opt.errors import CaseError, nearest_name
 from texmap_opt.region import AbstractRegion
 from texmap_opt.region_table import region_from_table
@@ -68,7 +69,7 @@ class DesignCase:
         path: the case file.
         part, analysis, lattice, warp, sizing, output: the sections, defaults filled in.
         material: elastic constants and density in MPa and tonne/mm³.
-        supports, loads, paint: with their regions understood.
+        supports, loads, zones, paint: with their regions understood.
         imported: the result of another program that drives the warp; None: there is none.
         tables: the TOML tables that `to_toml` writes back.
     """
@@ -80,6 +81,7 @@ class DesignCase:
     supports: tuple[Support, ...]
     loads: tuple[Load, ...]
     lattice: LatticeSection
+    zones: tuple[Zone, ...]
     warp: WarpSection
     paint: tuple[PaintedRegion, ...]
     imported: ImportedSection | None
@@ -95,10 +97,11 @@ class DesignCase:
     @property
     def input_files(self) -> tuple[Path, ...]:
         """Files that a run reads and that no output may replace."""
-        named = [self.part.file, self.lattice.cell if self.lattice.cell.endswith(".xml") else None]
+        cells = [self.lattice.cell, *(zone.cell for zone in self.zones)]
+        named = [self.part.file, *(cell for cell in cells if cell.endswith(".xml"))]
         if self.imported is not None:
             named += [self.imported.file, self.imported.values]
-        for name in ("support", "load", "paint"):
+        for name in ("support", "load", "zone", "paint"):
             named += [_region_file(entry.get("region")) for entry in self.tables.get(name, [])]
         return (self.path, *(self.directory / name for name in named if name))
 
@@ -143,7 +146,7 @@ class DesignCase:
     def from_tables(tables: dict[str, Any], path: Path) -> "DesignCase":
         """Validate tables already read; `path` names the file in messages."""
         file = path.name
-        known = {*SECTIONS, "support", "load", "paint", "imported"}
+        known = {*SECTIONS, "support", "load", "zone", "paint", "imported"}
         for name in tables:
             if name not in known:
                 raise CaseError(f"{file}: [{name}] is not a section; {nearest_name(name, known)}")
@@ -159,6 +162,7 @@ class DesignCase:
             material=sections.pop("material").material(f"{file}: [material]"),
             supports=_supports(tables, file, path.resolve().parent),
             loads=_loads(tables, file, path.resolve().parent),
+            zones=zones(_read_all(ZoneSection, tables, "zone", file), file, path.resolve().parent),
             paint=painted_regions(
                 _read_all(PaintSection, tables, "paint", file), file, path.resolve().parent
             ),
@@ -188,18 +192,13 @@ class DesignCase:
             tables["material"]["yield_MPa"] = material.yield_stress
         for name in ("lattice", "warp", "sizing", "output"):
             tables[name] = _known(getattr(self, name))
+        if self.zones:
+            tables["zone"] = [_known(s) for s in _read_all(ZoneSection, self.tables, "zone")]
         if self.paint:
             tables["paint"] = [_known(s) for s in _read_all(PaintSection, self.tables, "paint")]
         if self.imported is not None:
             tables["imported"] = _known(self.imported)
-        for section, entry in FILES:
-            if entry in tables.get(section, {}):
-                tables[section][entry] = str((self.directory / tables[section][entry]).resolve())
-        cell = self.directory / self.lattice.cell
-        if cell.suffix.lower() == ".xml":
-            tables["lattice"]["cell"] = str(cell.resolve())
-        for action in (*tables["support"], *tables["load"], *tables.get("paint", [])):
-            self._anchor_region(action.get("region", {}))
+        self._anchor(tables)
         return tomli_w.dumps(tables)
 
     def _dimensions(self) -> dict[str, float]:
@@ -210,6 +209,19 @@ class DesignCase:
             if recipe is None
             else {**recipe.dimensions, **self.part.dimensions}
         )
+
+    def _anchor(self, tables: dict[str, Any]) -> None:
+        """Make the paths of files absolute."""
+        for section, entry in FILES:
+            if entry in tables.get(section, {}):
+                tables[section][entry] = str((self.directory / tables[section][entry]).resolve())
+        for table in (tables["lattice"], *tables.get("zone", [])):
+            cell = self.directory / table["cell"]
+            if cell.suffix.lower() == ".xml":
+                table["cell"] = str(cell.resolve())
+        for name in ("support", "load", "zone", "paint"):
+            for action in tables.get(name, []):
+                self._anchor_region(action.get("region", {}))
 
     def _anchor_region(self, region: dict[str, Any]) -> None:
         """Make the path of a region's file absolute."""

@@ -16,6 +16,7 @@ from texmap_opt.case_sections import (
     PaintSection,
     SupportSection,
 )
+from texmap_opt.case_zones import ZoneSection
 from texmap_opt.region_table import REGION_KEYS
 
 INTRODUCTION = """# The case file
@@ -30,7 +31,7 @@ def case_reference() -> str:
     """The whole page as Markdown."""
     parts = [INTRODUCTION]
     titles = {name: f"[{name}]" for name in (*SECTIONS, "imported")} | {
-        name: f"[[{name}]]" for name in ("support", "load", "paint")
+        name: f"[[{name}]]" for name in ("support", "load", "zone", "paint")
     }
     sections = dict(SECTIONS)
     order = [
@@ -40,6 +41,7 @@ def case_reference() -> str:
         "support",
         "load",
         "lattice",
+        "zone",
         "warp",
         "paint",
         "imported",
@@ -49,6 +51,7 @@ def case_reference() -> str:
     sections |= {
         "support": SupportSection,
         "load": LoadSection,
+        "zone": ZoneSection,
         "paint": PaintSection,
         "imported": ImportedSection,
     }

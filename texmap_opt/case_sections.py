@@ -6,6 +6,7 @@ from typing import Literal
 
 import fea
 from fea import FeaError, Material
+from texmap_opt.case_sizing import SizingSection
 from texmap_opt.case_table import (
     choice,
     choices,
@@ -152,10 +153,23 @@ class LatticeSection:
     cell: str = key(
         text(), "a name of `texmap cells`, or a path to a unit-cell XML", default="octet"
     )
-    cells: tuple[int, int, int] | None = key(
-        vector(whole(least=1)), "cells over the part's bounding box", default=None
+    cells: tuple[int, ...] | None = key(
+        vector(whole(least=1), or_two=True),
+        "cells over the part's bounding box along x, y, z; two numbers for an extruded (2.5-D) cell, "
+        "along the two axes across the extrusion in alphabetical order",
+        default=None,
     )
-    cell_mm: float | None = key(number(above=0.0), "cell edge, instead of `cells`", default=None)
+    cell_mm: float | None = key(
+        number(above=0.0),
+        "cell edge, instead of `cells`; of a cell with `proportions` its first edge",
+        default=None,
+    )
+    extrusion: str | None = key(
+        choice("x", "y", "z"),
+        "axis of the box along which a 2.5-D cell is extruded; the cell's own x then lies along y, z, x "
+        "(absent: z)",
+        default=None,
+    )
     kind: str = key(
         choice("rod", "plate"),
         "rod: skin + (S and M); plate: the lattice is the void",
@@ -173,7 +187,11 @@ class LatticeSection:
         "scaled: the radius follows the size of the warped cell",
         default="constant",
     )
-    section: str = key(choice("round", "square"), "section of the struts", default="round")
+    section: str | None = key(
+        choice("round", "square"),
+        "section of the struts of a 3-D cell (absent: the cell's own)",
+        default=None,
+    )
     fillet_mm: float = key(
         number(least=0.0),
         "fillet radius at joints",
@@ -341,36 +359,6 @@ class ImportedSection:
         "vtk)",
         default=None,
     )
-
-
-@dataclass(frozen=True)
-class SizingSection:
-    """`[sizing]`: strut radii by optimisation."""
-
-    method: str = key(
-        choice("none", "optimality-criteria", "mma"), "optimiser", default="optimality-criteria"
-    )
-    objective: str = key(
-        choice("compliance", "volume"),
-        "what is made small",
-        default="compliance",
-        later='only "compliance" is offered yet.',
-    )
-    volume_fraction: float | None = key(
-        number(above=0.0, most=0.9),
-        "overlap-corrected volume of (S and M) over the part's (absent: what the radius gives); the "
-        'radii are scaled to it, also with method = "none"',
-        default=None,
-    )
-    min_radius_mm: float | None = key(
-        number(above=0.0), "smallest radius (absent: 0.4 of the uniform one)", default=None
-    )
-    max_radius_mm: float | None = key(
-        number(above=0.0),
-        "largest radius (absent: 2.5 of the uniform one, and 0.2 of the strut's length)",
-        default=None,
-    )
-    iterations: int = key(whole(least=1), "most iterations", default=60)
 
 
 @dataclass(frozen=True)

@@ -121,15 +121,16 @@ def whole(*, least: int) -> Kind:
     return Kind(f"whole number, at least {least}", read)
 
 
-def vector(component: Kind) -> Kind:
-    """Three components, such as [0, 0, -500]."""
+def vector(component: Kind, *, or_two: bool = False) -> Kind:
+    """Three components, such as [0, 0, -500]; or two, where those of a plane will do."""
+    count = "two or three" if or_two else "three"
 
     def read(value: Any) -> tuple:
-        if not isinstance(value, list) or len(value) != 3:
-            raise ValueError("must be three numbers, such as [1, 2, 3].")
+        if not isinstance(value, list) or len(value) not in ((2, 3) if or_two else (3,)):
+            raise ValueError(f"must be {count} numbers, such as [1, 2, 3].")
         return tuple(component.read(entry) for entry in value)
 
-    return Kind(f"three of: {component.name}", read)
+    return Kind(f"{count} of: {component.name}", read)
 
 
 def choice(*names: str) -> Kind:

@@ -2,9 +2,10 @@
 
 import argparse
 import json
+import shutil
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,18 +89,7 @@ def _parser() -> argparse.ArgumentParser:
     new = command("new", _new, "write a commented starter case with its part")
     new.add_argument("directory", type=Path)
 
-    command("cells", _cells, "list the unit cells of the library")
-    cell = command("cell", _cell, "describe one unit cell, and draw it")
-    cell.add_argument("name", help="a name of `texmap cells`, or a unit-cell XML")
-    cell.add_argument("--png", type=Path, help="draw it into this file")
-    cell.add_argument(
-        "--radius",
-        type=float,
-        help="strut radius over the cell's edge: print stiffness and density",
-    )
-    cell.add_argument(
-        "--stiffness", type=Path, help="draw Young's modulus over all directions into this file"
-    )
+    _library_commands(command)
 
     mesh = command("mesh", _mesh, "the solid of a structure.xml")
     mesh.add_argument("structure", type=Path)
@@ -115,9 +105,40 @@ def _parser() -> argparse.ArgumentParser:
     combine.add_argument("--unit", default="mm", choices=["mm", "cm", "m", "in"])
     _tolerance(combine)
 
-    check = command("check", _check, "validity report of a surface file, as JSON")
-    check.add_argument("file", type=Path)
+    _convert_options(command("convert", _convert, "a structure from one file format to another"))
+
+    command("check", _check, "validity report of a surface file, as JSON").add_argument(
+        "file", type=Path
+    )
     return parser
+
+
+def _library_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
+    cells = command(
+        "cells", _cells, "list the unit cells of the library, or order them by a property"
+    )
+    cells.add_argument(
+        "--rank", metavar="PROPERTY", help="order them by this, such as E or E_ratio"
+    )
+    cells.add_argument("--direction", help="of E, G and nu in the cell; default 1,0,0")
+    cells.add_argument("--density", type=float, help="relative density to rank at; default 0.1")
+    cells.add_argument("--ascending", action="store_true", help="rank the least first")
+    cells.add_argument(
+        "--dimensions", type=int, choices=[2, 3], help="3-D cells only, or 2.5-D (2)"
+    )
+    cells.add_argument("--json", action="store_true", help="print it as JSON")
+    cell = command("cell", _cell, "describe one unit cell, and draw it")
+    cell.add_argument("name", help="a name of `texmap cells`, or a unit-cell XML")
+    cell.add_argument("--png", type=Path, help="draw it into this file")
+    cell.add_argument(
+        "--radius",
+        type=float,
+        help="strut radius over the cell's edge: print stiffness and density",
+    )
+    cell.add_argument("--density", type=float, help="relative density, instead of the radius")
+    cell.add_argument(
+        "--stiffness", type=Path, help="draw Young's modulus over all directions into this file"
+    )
 
 
 def _case_options(parser: argparse.ArgumentParser) -> None:
@@ -126,6 +147,31 @@ def _case_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-cache", action="store_true", help="compute every stage anew")
     parser.add_argument(
         "--cache-mb", type=float, default=DEFAULT_LIMIT_MB, help="size limit of the cache [MB]"
+    )
+
+
+def _convert_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("input", type=Path, help="XML, NPZ, INP, 3MF, LTCX, VTP, VTU or VTK")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="XML, NPZ, INP, 3MF or VTP"
+    )
+    parser.add_argument(
+        "--unit", default="mm", choices=["mm", "cm", "m", "in"], help="of an INP or VTK file read"
+    )
+    parser.add_argument("--radius", type=float, help="where a VTK or LTCX file has none [mm]")
+    parser.add_argument(
+        "--section", default="round", choices=["round", "square"], help="of a VTK or LTCX file"
+    )
+    parser.add_argument(
+        "--solver", default="abaqus", choices=["abaqus", "calculix"], help="an INP file is for"
+    )
+    parser.add_argument(
+        "--segments", type=int, default=1, help="elements of a strut in an INP file"
+    )
+    parser.add_argument("--material", help="of an INP file, by its name")
+    parser.add_argument("--cell", metavar="NAME", help="write it as a unit cell of that name (XML)")
+    parser.add_argument(
+        "--tiling", default="translate", choices=["translate", "mirror"], help="of --cell"
     )
 
 
@@ -190,25 +236,54 @@ def _new(options: argparse.Namespace) -> int:
 
 def _cells(options: argparse.Namespace) -> int:
     from texmap_opt.cells.catalogue import cell_names, unit_cell
+    from texmap_opt.cells.listing import listing, listing_text
+    from texmap_opt.cells.ranking import ranking, wish_of
 
-    for name in cell_names():
-        cell = unit_cell(name)
-        size = f"{len(cell.joints)} joints, {len(cell.struts)} struts"
-        print(f"{name:<14} {size:<24} {cell.description}")
+    for name, absent in (("direction", None), ("density", None), ("ascending", False)):
+        if getattr(options, name) is not absent and options.rank is None:
+            raise InputError(f"--{name} needs --rank, the property that cells are ordered by.")
+    cells = [unit_cell(name) for name in cell_names()]
+    cells = [cell for cell in cells if options.dimensions in (None, cell.dimensions)]
+    kept = {"cache": StageCache.default(), "computing": _computing}
+    if options.rank is not None:
+        wish = wish_of(
+            options.rank, options.direction, options.density, ascending=options.ascending
+        )
+        ranked = ranking(cells, wish, **kept)
+        print(json.dumps(ranked.as_dict(), indent=2) if options.json else ranked.text())
+        return 0
+    rows = listing(cells, **kept)
+    # As wide as the terminal; whole where it is read by another program.
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+    if options.json:
+        print(json.dumps([row.as_dict() for row in rows], indent=2))
+    else:
+        print(listing_text(rows, width))
     return 0
 
 
-def _cell(options: argparse.Namespace) -> int:
-    from texmap_opt.cells.catalogue import unit_cell
+def _computing(count: int) -> None:
+    print(
+        f"computing the stiffness of {count} cells; it is kept for the next time", file=sys.stderr
+    )
 
-    if options.stiffness and options.radius is None:
-        raise InputError("--stiffness needs --radius, the strut radius over the cell's edge.")
+
+def _cell(options: argparse.Namespace) -> int:
+    from texmap_opt.cells.at_density import radius_of_density
+    from texmap_opt.cells.catalogue import unit_cell
+    from texmap_opt.cells.listing import cell_text
+
+    if options.radius is not None and options.density is not None:
+        raise InputError("--radius and --density were both given; one follows from the other.")
+    if options.stiffness and options.radius is None and options.density is None:
+        raise InputError(
+            "--stiffness needs --radius, the strut radius over the cell's edge, or --density."
+        )
     cell = unit_cell(options.name)
-    known_as = f" (also called {', '.join(cell.aliases)})" if cell.aliases else ""
-    print(f"{cell.name}{known_as}: {cell.description}")
-    print(f"  {len(cell.joints)} joints, {len(cell.struts)} struts; {cell.classification}")
-    print(f"  tiled by {cell.tiling}; source: {cell.source}")
-    if options.radius is not None:
+    print(cell_text(cell))
+    if options.density is not None:
+        _stiffness(cell, radius_of_density(cell, options.density), options.stiffness)
+    elif options.radius is not None:
         _stiffness(cell, options.radius, options.stiffness)
     if options.png:
         from texmap_opt.cells.drawn_cell import drawn_cell
@@ -221,14 +296,22 @@ def _cell(options: argparse.Namespace) -> int:
 
 def _stiffness(cell: "UnitCell", radius: float, png: Path | None) -> None:
     from texmap_opt.cells.homogenised import fitting_joint_model, homogenised_cell
-    from texmap_opt.report.drawing import draw_stiffness
+    from texmap_opt.cells.homogenised_plane import homogenised_plane_cell
+    from texmap_opt.report.drawing import draw_polar_stiffness, draw_stiffness
 
     model = fitting_joint_model(cell, radius)
-    homogenised = homogenised_cell(cell, radius=radius, joint_model=model)
-    print("\n".join(f"  {line}" for line in homogenised.text().splitlines()))
+    quantity = "Young's modulus\nover the solid's"
+    if cell.dimensions == 3:
+        homogenised = homogenised_cell(cell, radius=radius, joint_model=model)
+        print("\n".join(f"  {line}" for line in homogenised.text().splitlines()))
+        if png:
+            draw_stiffness(homogenised.stiffness.directional_modulus(), png, quantity=quantity)
+    else:
+        plane = homogenised_plane_cell(cell, radius=radius, joint_model=model)
+        print("\n".join(f"  {line}" for line in plane.text().splitlines()))
+        if png:
+            draw_polar_stiffness(plane.stiffness.polar_modulus(), png, quantity=quantity)
     if png:
-        surface = homogenised.stiffness.directional_modulus()
-        draw_stiffness(surface, png, quantity="Young's modulus\nover the solid's")
         print(f"  picture: {png}")
 
 
@@ -244,6 +327,45 @@ def _mesh(options: argparse.Namespace) -> int:
     surface, _ = printable_mesh(surface)
     Solid(surface).save(options.output)
     print(f"{options.output}: {len(surface.faces):,} triangles, {surface.volume:,.1f} mm³")
+    return 0
+
+
+def _convert(options: argparse.Namespace) -> int:
+    import fea
+    from texmap_opt.structure_file import (
+        BeamDeck,
+        Reading,
+        check_structure_ending,
+        read_structure_file,
+        write_structure_file,
+    )
+
+    check_structure_ending(options.output)
+    if options.cell is not None and options.output.suffix.lower() != ".xml":
+        raise InputError(f"--cell: a unit cell is written as XML, not as {options.output.name}.")
+    try:
+        material = None if options.material is None else fea.material(options.material)
+    except fea.FeaError as failure:
+        raise InputError(f"--material: {failure}") from failure
+    reading = Reading(unit=options.unit, radius=options.radius, section=options.section)
+    source = read_structure_file(options.input, reading)
+    if options.cell is not None:
+        from texmap_opt.export.unit_cell import write_unit_cell
+
+        name, origin = options.cell, options.input.name
+        write_unit_cell(
+            options.output, source.structure, name=name, source=origin, tiling=options.tiling
+        )
+    else:
+        deck = BeamDeck(solver=options.solver, segments=options.segments, material=material)
+        write_structure_file(options.output, source, deck)
+    for note in source.notes:
+        print(f"note: {options.input.name}: {note}")
+    structure = source.structure
+    print(
+        f"{options.output}: {len(structure.joints):,} joints, {len(structure.struts):,} "
+        f"{'walls' if structure.extrusion else f'{structure.section} struts'}"
+    )
     return 0
 
 

@@ -1,9 +1,10 @@
 """The lattice as a frame, with its skin where it has one, under the part's supports and loads.
 
-The rules are those of docs/decisions/0002-supports-and-loads-on-frames.md.
+The rules are those of docs/decisions/0002-supports-and-loads-on-frames.md, and for walls of
+docs/decisions/0011-mechanics-of-extruded-lattices.md.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,10 +21,12 @@ from texmap_opt.case import DesignCase
 from texmap_opt.errors import LatticeError
 from texmap_opt.joint_zones import JointZones
 from texmap_opt.part import Part
-from texmap_opt.skinned_frame import FrameSkin
+from texmap_opt.plane_loads import out_of_plane_load
+from texmap_opt.plane_supports import FrameSupports, plane_supports
+from texmap_opt.skinned_frame import ABSENT, FrameSkin
 from texmap_opt.stress_field import MM_PER_M, StressField
 from texmap_opt.structure.structure import Structure
-from texmap_opt.structure.volume import LatticeVolume, centre_line_volume
+from texmap_opt.structure.volume import LatticeVolume
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,8 @@ class FrameModel:
             are not weighed once for each strut.
         skin: shells whose vertices are joints after those of the structure; None: there is none.
         zones: what the joints add to the struts; None: beams from joint to joint.
+        axes: unit vectors along which the frame's coordinates, and the components of all arrays here,
+            are taken, as rows: x, y, z, but for walls whose axis of extrusion is none of them.
     """
 
     structure: Structure
@@ -55,13 +60,15 @@ class FrameModel:
     weight_factor: float
     skin: FrameSkin | None = None
     zones: JointZones | None = None
+    axes: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
 
     @property
     def joints(self) -> Float[np.ndarray, "joints 3"]:
-        """Positions of the structure's joints, then of the skin's vertices [mm]."""
-        if self.skin is None:
-            return self.structure.joints
-        return np.concatenate([self.structure.joints, self.skin.mesh.surface.vertices])
+        """Positions of the structure's joints, then of the skin's vertices, along the axes [mm]."""
+        joints = self.structure.joints
+        if self.skin is not None:
+            joints = np.concatenate([joints, self.skin.mesh.surface.vertices])
+        return joints @ self.axes.T
 
     def with_structure(self, structure: Structure) -> "FrameModel":
         """The same model for a structure that differs in its radii only."""
@@ -77,22 +84,38 @@ class FrameModel:
         """
         radii = jnp.asarray(radii)
         density = self.material.density * self.weight_factor
-        mass = joint_masses(self.structure, radii, density, self.section_shares(radii))
+        factor = self.section_shares(radii) * self.section_depths
+        mass = joint_masses(self.structure, radii, density, factor)
         weight = self.acceleration[:, None, :] * mass[None, :, None]
         lattice = len(self.structure.joints)
         values = {
             "radii": radii,
             "forces": jnp.asarray(self.surface_forces).at[:, :lattice, :3].add(weight),
         }
-        rigid_ends, modulus = jnp.zeros(radii.shape), self.section_shares(radii)
+        rigid_ends, modulus = jnp.zeros(radii.shape), factor
         if self.skin is not None:
             rigid_ends += self.skin.rigid_ends
         if self.zones is not None:
             rigid_ends += self.zones.rigid_ends(radii)
             modulus *= self.zones.modulus(radii)
         if self.skin is not None or self.zones is not None:
-            values |= {"rigid_ends": rigid_ends, "modulus": modulus}
+            values["rigid_ends"] = rigid_ends
+        if "rigid_ends" in values or self.structure.extrusion is not None:
+            values["modulus"] = modulus
         return values
+
+    @property
+    def section_depths(self) -> Float[np.ndarray, " struts"]:
+        """Depth of each wall between the plates of its skin [mm]; 1 for bars.
+
+        The section that the frame knows is 1 mm deep.
+        """
+        walls = self.structure.extrusion
+        if walls is None:
+            return np.ones(len(self.structure.struts))
+        if self.skin is None or self.skin.plates is None:
+            return walls.depth
+        return np.maximum(walls.depth - self.skin.plates, ABSENT * walls.depth)
 
     def section_shares(
         self, radii: Float[Array | np.ndarray, "struts 2"]
@@ -132,11 +155,18 @@ def frame_model(
 
     Raises:
         LatticeError: a region that no strut or no vertex of the skin reaches, a strut end that
-            misses the skin, supports that contradict each other or leave a motion of the lattice, or
-            a case whose loads act on held joints only.
+            misses the skin, supports that contradict each other or leave a motion of the lattice,
+            a case whose loads act on held joints only, or loads out of the plane of walls.
     """
+    walls = structure.extrusion
+    fault = None if walls is None else out_of_plane_load(case, stress, walls)
+    if fault is not None:
+        raise LatticeError(
+            f"{fault}; extrude along another axis, take a 3-D cell, or give [sizing] method = "
+            '"none" for the geometry without its mechanics.'
+        )
     bearer = bearer_of(structure, part, case, stress)
-    fixed, value = _supports(bearer, case)
+    axes, fixed, value = _supports(bearer, case, structure)
     names = case.load_cases
     forces = np.zeros((len(names), bearer.joints, 6))
     acceleration = np.zeros((len(names), 3))
@@ -144,8 +174,10 @@ def frame_model(
         k = names.index(load.case)
         if load.gravity_m_s2 is not None:
             g = MM_PER_M * np.array(load.gravity_m_s2)
-            acceleration[k] += g
             nodal = nodal - fea.gravity_forces(stress.mesh, case.material.density, g)
+            if walls is not None:
+                g = g - g @ walls.axis * walls.axis
+            acceleration[k] += g
             forces[k] += bearer.own_weight(case.material.density, g)
         if load.region is not None:
             forces[k] += bearer.carried(load, nodal)
@@ -155,11 +187,14 @@ def frame_model(
         case_names=names,
         fixed=fixed,
         value=value,
-        surface_forces=forces,
-        acceleration=acceleration,
+        surface_forces=np.concatenate(
+            [forces[..., :3] @ axes.T, forces[..., 3:] @ axes.T], axis=-1
+        ),
+        acceleration=acceleration @ axes.T,
         weight_factor=_true_share(structure),
         skin=bearer.skin,
         zones=JointZones.of(structure, case, bearer.skin),
+        axes=axes,
     )
     _check_can_be_solved(model, case.path.name)
     return model
@@ -168,8 +203,7 @@ def frame_model(
 def _true_share(structure: Structure) -> float:
     """Overlap-corrected volume over the sum of the struts' own volumes."""
     measure = LatticeVolume.of(structure)
-    radii = measure.as_round(structure.radii)
-    apart = float(centre_line_volume(structure.joints, structure.struts, radii))
+    apart = float(measure.strut_volumes(structure.joints, structure.radii).sum())
     return float(measure(structure.joints, structure.radii)) / apart
 
 
@@ -185,23 +219,24 @@ def joint_masses(
 
     Args:
         structure: joints and struts.
-        radii: radius, or half the side, at both ends [mm].
+        radii: radius, or half the side or thickness, at both ends [mm].
         density: [tonne/mm³].
-        share: of each strut's section that counts.
+        share: of each strut's section that counts; of walls their depth [mm].
     """
     a, b = jnp.asarray(radii).T
-    shape = section(structure.section)
-    per_square = float(shape.area(np.ones(1))[0])
-    scale = share * density * per_square * jnp.asarray(structure.lengths())
-    shares = jnp.stack([a**2 / 4 + a * b / 6 + b**2 / 12, a**2 / 12 + a * b / 6 + b**2 / 4], axis=1)
+    unit_area = float(section(structure.section).area(np.ones(1))[0])
+    scale = share * density * unit_area * jnp.asarray(structure.lengths())
+    if structure.extrusion is None:
+        first, second = a**2 / 4 + a * b / 6 + b**2 / 12, a**2 / 12 + a * b / 6 + b**2 / 4
+    else:
+        first, second = a / 3 + b / 6, a / 6 + b / 3
+    shares = jnp.stack([first, second], axis=1)
     masses = jnp.zeros(len(structure.joints))
     return masses.at[jnp.asarray(structure.struts)].add(scale[:, None] * shares)
 
 
-def _supports(
-    bearer: AbstractBearer, case: DesignCase
-) -> tuple[Bool[np.ndarray, "joints 6"], Float[np.ndarray, "joints 6"]]:
-    """Held degrees of freedom and their values; held in all three directions means clamped."""
+def _supports(bearer: AbstractBearer, case: DesignCase, structure: Structure) -> FrameSupports:
+    """Axes of the frame, held degrees of freedom and their values; fully held means clamped."""
     supports = [
         fea.Support(
             bearer.held(support.where, support.region),
@@ -216,8 +251,12 @@ def _supports(
         raise LatticeError(
             f"{case.path.name}: [[support]]: on the lattice's joints, {failure} Use smaller cells."
         ) from failure
+    walls = structure.extrusion
+    if walls is not None:
+        return plane_supports(structure, walls.axis, bearer.skin, held, moved, case)
     clamped = np.repeat(held.all(axis=1, keepdims=True), 3, axis=1)
-    return np.hstack([held, clamped]), np.hstack([moved, np.zeros_like(moved)])
+    moved = np.hstack([moved, np.zeros_like(moved)])
+    return FrameSupports(np.eye(3), np.hstack([held, clamped]), moved)
 
 
 def _check_can_be_solved(model: FrameModel, file: str) -> None:
@@ -225,8 +264,8 @@ def _check_can_be_solved(model: FrameModel, file: str) -> None:
     motion = free_frame_motion(problem.joints, problem.fixed, problem.links)
     if motion:
         raise LatticeError(
-            f"{file}: [[support]]: the lattice is not held: it {motion}; widen the supports' "
-            "regions, add directions to `fix`, or use smaller cells."
+            f"{file}: [[support]]: the lattice is not held: it {motion}{_in_axes(model.axes)}; widen the "
+            "supports' regions, add directions to `fix`, or use smaller cells."
         )
     if (problem.value[problem.fixed] != 0).any():
         return
@@ -236,3 +275,11 @@ def _check_can_be_solved(model: FrameModel, file: str) -> None:
                 f'{file}: [[load]] case = "{name}": reaches only joints that are held, so the '
                 "lattice carries nothing; use smaller cells, or move load and support apart."
             )
+
+
+def _in_axes(axes: Float[np.ndarray, "3 3"]) -> str:
+    """Says which axes x, y, z are, in a message about a frame that is turned."""
+    if np.array_equal(axes, np.eye(3)):
+        return ""
+    x, y, z = ("[" + ", ".join(f"{c:.3g}" for c in axis) + "]" for axis in axes)
+    return f" (with x, y, z along {x}, {y}, {z})"

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from texmap_opt.case import DesignCase, Load, Support
 from texmap_opt.case_sections import WarpSection
-from texmap_opt.cells.catalogue import unit_cell
+from texmap_opt.cell_layout import case_cells, require_zones_in_grid
 from texmap_opt.errors import CaseError
 from texmap_opt.export.whole_file import whole_file
 from texmap_opt.given_drivers import given_drivers
@@ -17,15 +17,18 @@ from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import Part, read_part
 from texmap_opt.part_box import part_box
 from texmap_opt.report.drawing import draw
+from texmap_opt.report.grid_layers import hexahedra
 from texmap_opt.report.marks import mark_of
 from texmap_opt.report.scenes import PlannedPart
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.stress_field import region_slack
-from texmap_opt.structure.map import map_structure
+from texmap_opt.structure.silhouette import silhouette
+from texmap_opt.structure.tile import tile
 from texmap_opt.structure.trim import trim
 from texmap_opt.structure.volume import lattice_volume
 from texmap_opt.tetrahedralise import default_edge_mm, estimated_counts
 from texmap_opt.thickness import thinnest_wall
+from texmap_opt.trimmed_lattice import uncut_lattice
 from texmap_opt.warp.grid import Grid
 
 # Fewer cells than this across a wall behave as no continuum: stiffness then depends on where the
@@ -134,18 +137,28 @@ def look(case: DesignCase) -> Look:
         LatticeError: no lattice would be left.
     """
     part = read_part(case.part, case.directory)
-    cell = unit_cell(case.lattice.cell, base=case.directory)
-    plan = plan_grid(case, part_box(case, part.surface), cell)
+    cell, *others = case_cells(case)
+    plan = plan_grid(case, part_box(case, part.surface, cell), cell)
     grid = plan.grid
+    require_zones_in_grid(case, grid)
     given_drivers(case, grid)
     facets = _subdivided(part.surface, part.diagonal)
     regions = tuple(_seen(facets, action) for action in (*case.supports, *case.loads))
-    net = map_structure(cell, grid.positions, plan.radius_mm)
+    net = uncut_lattice(case, tile(cell, grid.cells), grid, radius_mm=plan.radius_mm)
     trimmed = trim(net, part, skin_mm=case.lattice.skin_mm, in_region=None, least_share=0.0)
     struts = len(trimmed.structure.struts)
-    thinnest = thinnest_wall(part.surface, query=part.signed_distance)
+    # The cells of walls lie side by side in their plane only.
+    filled = part
+    if net.extrusion is not None:
+        filled = Part(silhouette(part.surface, net.extrusion.axis), part.name)
+    thinnest = thinnest_wall(filled.surface, query=filled.signed_distance)
     across = thinnest / float(grid.uniform_edge.max())
     warnings = [*part.notes]
+    if others:
+        warnings.append(
+            f"struts are counted as if all cells were {cell.name}: which are in a zone shows in the "
+            "warped grid only."
+        )
     if across < LEAST_CELLS_ACROSS:
         warnings.append(
             f"only {across:.1f} cells across the thinnest wall ({thinnest:.3g} mm): below "
@@ -176,7 +189,7 @@ def draw_look(seen: Look, png: Path) -> str | None:
         OutputError: the file cannot be written.
     """
     marks = tuple(mark_of(r.action, r.patch, r.label, r.resultant) for r in seen.regions)
-    scene = PlannedPart(part=seen.part.surface, marks=marks, grid=seen.grid.positions)
+    scene = PlannedPart(part=seen.part.surface, marks=marks, grid=hexahedra(seen.grid))
     with tempfile.TemporaryDirectory(prefix="texmap-look-") as folder:
         drawn = draw({"look": scene}, Path(folder), timeout_s=PICTURE_TIMEOUT_S)
         if "look" in drawn.missing:

@@ -5,6 +5,8 @@ from jaxtyping import Float
 
 from texmap_opt.box import Box, principal_axes
 from texmap_opt.case import DesignCase
+from texmap_opt.cells.unit_cell import UnitCell
+from texmap_opt.errors import CaseError
 from texmap_opt.solid.tri_mesh import TriMesh
 
 # Principal moments whose relative difference is below this count as equal: a round bar in facets,
@@ -12,13 +14,30 @@ from texmap_opt.solid.tri_mesh import TriMesh
 EQUAL_MOMENTS = 1e-3
 
 
-def part_box(case: DesignCase, surface: TriMesh) -> Box:
+# Axis of the box along which a 2.5-D cell is extruded when the case does not say.
+USUAL_EXTRUSION = "z"
+
+
+def part_box(case: DesignCase, surface: TriMesh, cell: UnitCell) -> Box:
     """The smallest box around a part with the axes of `[warp] axes`.
 
     Args:
-        case: names the axes: "part", "principal", or three vectors.
+        case: names the axes: "part", "principal", or three vectors; and the axis of extrusion.
         surface: of the part [mm].
+        cell: of two dimensions: so has the box, its third axis that of the extrusion.
+
+    Raises:
+        CaseError: a cell of three dimensions is to be extruded.
     """
+    extrusion = case.lattice.extrusion
+    if cell.dimensions == 2:
+        extrusion = extrusion or USUAL_EXTRUSION
+    elif extrusion is not None:
+        raise CaseError(
+            f'{case.path.name}: [lattice] extrusion = "{extrusion}": the unit cell "{cell.name}" has '
+            "three dimensions, and only one of two is extruded; remove the key, or choose a 2.5-D "
+            "cell."
+        )
     axes = case.warp.axes
     if axes == "part":
         turned = np.eye(3)
@@ -26,7 +45,7 @@ def part_box(case: DesignCase, surface: TriMesh) -> Box:
         turned = principal_axes_of_solid(surface)
     else:
         turned = np.array(axes)
-    return Box.around(surface.vertices[np.unique(surface.faces)], turned)
+    return Box.around(surface.vertices[np.unique(surface.faces)], turned, extrusion=extrusion)
 
 
 def principal_axes_of_solid(surface: TriMesh) -> Float[np.ndarray, "3 3"]:

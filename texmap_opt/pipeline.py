@@ -6,7 +6,7 @@ import jax
 
 from texmap_opt.cache import StageCache, stage_key
 from texmap_opt.case import DesignCase
-from texmap_opt.cells.catalogue import unit_cell
+from texmap_opt.cell_layout import case_cells, cell_layout, require_zones_in_grid
 from texmap_opt.combine.part_with_lattice import plate_result, rod_result
 from texmap_opt.endless_lattice import EndlessLattice, endless_lattice
 from texmap_opt.errors import TexmapError
@@ -22,6 +22,7 @@ from texmap_opt.run_result import Run
 from texmap_opt.solid.float32_solid import printable_mesh
 from texmap_opt.solid.validity import require_printable
 from texmap_opt.stress_field import StressField, solid_solution, stress_field
+from texmap_opt.structure.mixed_net import mixed_net
 from texmap_opt.tet_source import part_tets
 from texmap_opt.trimmed_lattice import trimmed_lattice
 from texmap_opt.warp.warped_grid import WarpedGrid, warped_grid
@@ -56,12 +57,14 @@ def run(
 
 
 def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
-    cell = unit_cell(case.lattice.cell, base=case.directory)
+    cells = case_cells(case)
+    cell = cells[0]
     with progress.stage("part"):
         part = read_part(case.part, case.directory)
         for note in part.notes:
             progress.warn(f"{part.name}: {note}")
-        plan = plan_grid(case, part_box(case, part.surface), cell)
+        plan = plan_grid(case, part_box(case, part.surface, cell), cell)
+        require_zones_in_grid(case, plan.grid)
         given = given_drivers(case, plan.grid)
         progress.detail(f"{len(part.surface.faces):,} triangles, {part.volume:,.0f} mm³")
     with progress.stage("tets"):
@@ -77,7 +80,8 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
     inputs = warp_inputs(case, part, stress, plan.grid, lattice, given)
     warp = _warped(inputs, lattice, progress, cache)
     with progress.stage("structure"):
-        trimmed = trimmed_lattice(case, part, stress, cell, warp.grid, radius_mm=plan.radius_mm)
+        net, interfaces = mixed_net(cell_layout(case, cells, warp))
+        trimmed = trimmed_lattice(case, part, stress, net, warp.grid, radius_mm=plan.radius_mm)
         progress.detail(f"{len(trimmed.structure.struts):,} struts")
         dropped = trimmed.counts.dropped_share
         if dropped > NOTABLE_SHARE:
@@ -86,7 +90,7 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
                 f"{trimmed.counts.components - 1} small pieces that nothing holds, was left out; "
                 "smaller cells would connect them"
             )
-    filling = fill(case, part, stress, trimmed, progress)
+    filling = fill(case, part, stress, warp, trimmed, progress)
     with progress.stage("result"):
         combined = COMBINE[case.lattice.kind](
             part.surface,
@@ -98,7 +102,18 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         validity = require_printable(surface, "The result", given=part.surface)
         progress.detail(f"{len(surface.faces):,} triangles, {surface.volume:,.0f} mm³")
     run = Run(
-        case, part, stress, warp, cell, trimmed, filling, combined, Solid(surface), validity, {}
+        case,
+        part,
+        stress,
+        warp,
+        cell,
+        interfaces,
+        trimmed,
+        filling,
+        combined,
+        Solid(surface),
+        validity,
+        {},
     )
     run.report.update(report_numbers(run, progress, snapped_mm=snapped_mm))
     return run

@@ -10,6 +10,7 @@ from texmap_opt.filling import Filling
 from texmap_opt.part import Part
 from texmap_opt.solid.validity import ValidityReport
 from texmap_opt.stress_field import StressField
+from texmap_opt.structure.interface import Interface
 from texmap_opt.structure.trim import Trimmed
 from texmap_opt.warp.warped_grid import WarpedGrid
 
@@ -23,7 +24,8 @@ class Run:
         part: the surface that was filled.
         stress: analysis of the solid part.
         warp: the warped grid.
-        cell: the unit cell.
+        cell: the unit cell of `[lattice]`.
+        interfaces: how unit cells of different kinds were joined.
         trimmed: the lattice in the part before sizing.
         filling: the sized structure and the lattice solid.
         combined: part and lattice joined.
@@ -37,6 +39,7 @@ class Run:
     stress: StressField
     warp: WarpedGrid
     cell: UnitCell
+    interfaces: tuple[Interface, ...]
     trimmed: Trimmed
     filling: Filling
     combined: CombinedResult

@@ -1,6 +1,7 @@
 """What a skin makes of a frame: strut ends tied to shells, and struts that lie in the skin.
 
-Decision note: docs/decisions/0002-supports-and-loads-on-frames.md.
+Decision notes: docs/decisions/0002-supports-and-loads-on-frames.md, and for walls
+docs/decisions/0011-mechanics-of-extruded-lattices.md.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from fea.skin import Skin
 from texmap_opt.case import DesignCase
 from texmap_opt.errors import LatticeError
 from texmap_opt.part import Part
+from texmap_opt.plane_sheet import PlaneSheet
 from texmap_opt.signed_distance import SignedDistance
 from texmap_opt.skin_mesh import SkinMesh
 from texmap_opt.solid.tri_mesh import TriMesh
@@ -36,29 +38,36 @@ class FrameSkin:
     """The skin of a frame, and how the struts hang on it.
 
     Attributes:
-        mesh: the middle surface; its vertices are joints of the frame, after those of the struts.
+        mesh: the middle surface, or the sheet that plates and rim of walls are; its vertices are
+            joints of the frame, after those of the struts.
         shell: the same with its material, numbered among all joints.
         tie: fastens the joints that the skin holds to triangles.
         rigid_ends: length at each end of a strut that lies in the skin and so moves with it [mm].
         beyond: distance from the axis of a strut along the skin to the inner face of the skin [mm],
             negative when the axis lies below it; minus infinity for the others.
         longest_arm: largest distance of a joint from where it is fastened [mm].
+        plates: how much of each wall's depth lies in the plates at its ends [mm]; None: struts are
+            bars.
     """
 
-    mesh: SkinMesh
+    mesh: SkinMesh | PlaneSheet
     shell: Skin
     tie: Tie
     rigid_ends: Float[np.ndarray, "struts 2"]
     beyond: Float[np.ndarray, " struts"]
     longest_arm: float
+    plates: Float[np.ndarray, " struts"] | None = None
 
     def shares(self, radii: Float[Array | np.ndarray, "struts 2"]) -> Float[Array, " struts"]:
         """Share of each strut's section that the skin does not hold already, in JAX.
 
-        The segment of its circle beyond the chord on the inner face of the skin.
+        The segment of its circle beyond the chord on the inner face of the skin; of a wall the part
+        of its thickness beyond the inner face of the rim.
         """
         along = np.isfinite(self.beyond)
         x = np.where(along, self.beyond, 0.0) / jnp.mean(jnp.asarray(radii), axis=1)
+        if self.plates is not None:
+            return jnp.maximum(jnp.where(along, jnp.clip((1 - x) / 2, 0.0, 1.0), 1.0), ABSENT)
         cuts = along & (jnp.abs(x) < 1)
         # Values that are not taken must not be singular: their derivative counts.
         inner = jnp.where(cuts, x, 0.0)
@@ -67,8 +76,10 @@ class FrameSkin:
         return jnp.maximum(jnp.where(cuts, segment, whole), ABSENT)
 
 
-def frame_skin(structure: Structure, part: Part, case: DesignCase, mesh: TetMesh) -> FrameSkin:
-    """The skin that a lattice hangs on.
+def frame_skin(
+    structure: Structure, part: Part, case: DesignCase, mesh: TetMesh
+) -> tuple[FrameSkin, SkinMesh]:
+    """The skin that a lattice hangs on, and its middle surface.
 
     Args:
         structure: the trimmed lattice.
@@ -90,14 +101,14 @@ def frame_skin(structure: Structure, part: Part, case: DesignCase, mesh: TetMesh
             f"{case.path.name}: [lattice] skin_mm = {case.lattice.skin_mm:g}: no strut reaches the "
             "skin, so nothing holds the lattice; use smaller cells."
         )
-    tie, face, distance = _tie(structure, held, skin, case)
+    tie, face, distance = tied_joints(structure, held, skin.surface, case)
     _check_every_skin_is_held(skin.surface, face, case)
     thickness = np.zeros(len(structure.joints))
     thickness[held] = skin.thickness[face]
-    rigid_ends, beyond = _within_skin(structure, part, thickness)
+    rigid_ends, beyond = within_skin(structure, part, thickness)
     first = len(structure.joints)
     shell = Skin(skin.surface.faces + first, skin.thickness, E=case.material.E, nu=case.material.nu)
-    return FrameSkin(skin, shell, tie, rigid_ends, beyond, float(distance.max()))
+    return FrameSkin(skin, shell, tie, rigid_ends, beyond, float(distance.max())), skin
 
 
 def forces_on_skin(
@@ -131,15 +142,25 @@ def forces_on_skin(
     return result
 
 
-def _tie(
-    structure: Structure, held: Int[np.ndarray, " held"], skin: SkinMesh, case: DesignCase
+def tied_joints(
+    structure: Structure, held: Int[np.ndarray, " held"], surface: TriMesh, case: DesignCase
 ) -> tuple[Tie, Int[np.ndarray, " held"], Float[np.ndarray, " held"]]:
-    """Joints fastened to the nearest points of the skin, the triangles these lie in, and how far."""
+    """Joints fastened to the nearest points of the skin, the triangles these lie in, and how far.
+
+    Args:
+        structure: the lattice.
+        held: its joints that are fastened.
+        surface: the skin's triangles.
+        case: thickness of the skin, and the file in messages.
+
+    Raises:
+        LatticeError: a joint that is farther off than the triangles explain.
+    """
     points = structure.joints[held]
-    distance, face, foot = SignedDistance(skin.surface).unsigned(points)
-    _check_meets(structure, held, distance, skin.surface, face, case)
-    corners = skin.surface.faces[face]
-    shape = barycentric(skin.surface.vertices[corners], foot)
+    distance, face, foot = SignedDistance(surface).unsigned(points)
+    _check_meets(structure, held, distance, surface, face, case)
+    corners = surface.faces[face]
+    shape = barycentric(surface.vertices[corners], foot)
     return Tie(held, corners + len(structure.joints), shape), face, distance
 
 
@@ -195,7 +216,7 @@ def barycentric(
     return shape / shape.sum(axis=1, keepdims=True)
 
 
-def _within_skin(
+def within_skin(
     structure: Structure, part: Part, thickness: Float[np.ndarray, " joints"]
 ) -> tuple[Float[np.ndarray, "struts 2"], Float[np.ndarray, " struts"]]:
     """Lengths at both ends that lie in the skin, and how far struts along the skin lie above its face.

@@ -29,6 +29,7 @@ from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.solid.validity import validity
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.structure import Structure
+from texmap_opt.structure.tile import tile
 from texmap_opt.structure.trim import trim
 from texmap_opt.warp.cell_volumes import equivalent_edges
 from texmap_opt.warp.grid import Grid
@@ -172,7 +173,7 @@ def figure_8(sheet: Sheet) -> None:
         contrast=2.2,
     )
     for name in ("cube", "octahedron", "octet", "vector"):
-        net = map_structure(unit_cell(name), grid.positions, 0.4)
+        net = map_structure(tile(unit_cell(name), grid.cells), grid.positions, 0.4)
         row = Row(
             "8", f"{name} cells under a painted f", "8 x 8 x 8", len(net.struts), remark=remark
         )
@@ -225,7 +226,7 @@ def fill(sheet: Sheet, part: Part, how: Filling, f: Field) -> None:
     box = Box.aligned(part.bounds)
     around = Grid.around(box, (x, y, z), margin_cells=1, radius_mm=how.radius_mm)
     grid, remark = warped(around, f, LeastSquares(), contrast=2.5)
-    net = map_structure(unit_cell("octet"), grid.positions, how.radius_mm)
+    net = map_structure(tile(unit_cell("octet"), grid.cells), grid.positions, how.radius_mm)
     inside = trim(net, part, skin_mm=how.skin_mm).structure
     lattice = lattice_solid(inside, tolerance_mm=tolerance)
     for kind, combine in (("rod", rod_result), ("plate", plate_result)):

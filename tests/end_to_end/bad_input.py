@@ -86,6 +86,10 @@ def _results(
     return write
 
 
+def _zone(cell: str, choice: str, after: str = "[warp]") -> str:
+    return f'[[zone]]\ncell = "{cell}"\n{choice}\n{after}'
+
+
 BAD_INPUTS = (
     BadInput("file that is not there", ('"box.stl"', '"bax.stl"'), says=("bax.stl", "no such file")),
     BadInput("empty file", part=lambda path: path.write_bytes(b""), says=("box.stl", "empty")),
@@ -115,6 +119,11 @@ BAD_INPUTS = (
     BadInput("unknown method", ('"uniform"', '"unifrm"'), says=("unifrm", '"uniform"')),
     BadInput("unknown material", ('"PA12"', '"PA13"'), says=("PA13", "PA12")),
     BadInput("cells larger than the part", ("cell_mm = 10.0", "cell_mm = 50"), says=("cell_mm", "larger")),
+    BadInput("three counts of cells in the plane", ('"bcc"\ncell_mm = 10.0', '"octagon"\ncells = [4, 2, 2]'), says=("cells = [4, 2, 2]", "octagon", "2 numbers", "x and y")),
+    BadInput("two counts of cells in space", ("cell_mm = 10.0", "cells = [4, 2]"), says=("cells = [4, 2]", "bcc", "3 numbers", "x and y and z")),
+    BadInput("extrusion of a 3-D cell", ('"bcc"', '"bcc"\nextrusion = "x"'), says=("extrusion", "bcc", "2.5-D")),
+    BadInput("section of walls", ('"bcc"', '"octagon"\nsection = "round"'), says=("section", "octagon", "walls")),
+    BadInput("fixed end of an extrusion", ('"bcc"\n' + FROM_CELLS, '"octagon"\n' + FROM_CELLS.replace('"uniform"', '"uniform"\nfixed_faces = ["+z"]')), says=("fixed_faces", "+z", "extrusion")),
     BadInput("radius that fills the cells", ("radius_mm = 0.8", "radius_mm = 6"), says=("radius_mm", "fills")),
     BadInput("radius too thin to print", ("radius_mm = 0.8", "radius_mm = 0.01"), says=("radius_mm", "print")),
     BadInput("skin thicker than the part", ("skin_mm = 1.0", "skin_mm = 11"), code=1, says=("skin_mm", "no room")),
@@ -134,6 +143,12 @@ BAD_INPUTS = (
     BadInput("painted region outside the box", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("20, 10, 10", "90, 10, 10")), says=("[[paint]] 1", "sphere", "outside", "margin")),
     BadInput("painted factor of zero", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("value = 2", "value = 0")), says=("[[paint]] 1", "value = 0", "above 0")),
     BadInput("painted part of the surface", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("{ sphere = { center = [20, 10, 10], radius = 5 } }", "{ normal = [1, 0, 0] }")), says=("[[paint]] 1", "normal", "surface")),
+    BadInput("zone without a choice of cells", ("[warp]", '[[zone]]\ncell = "octet"\n[warp]'), says=("[[zone]] 1", "no choice", "grid_cells")),
+    BadInput("zone with an unknown cell", ("[warp]", _zone("octed", "f_least = 1")), says=("[[zone]] 1", "octed", '"octet"')),
+    BadInput("zone with a cell of other dimensions", ("[warp]", _zone("honeycomb", "f_least = 1")), says=("[[zone]] 1", "2 dimensions", '"bcc" has 3')),
+    BadInput("zone beyond the grid", ("[warp]", _zone("octet", "grid_cells = [[0, 0, 0], [9, 1, 1]]")), says=("[[zone]] 1", "[4, 2, 2]", "margin_cells = 1")),
+    BadInput("zone outside the part", ("[warp]", _zone("octet", "region = { box = [[50, 0, 0], [60, 9, 9]] }")), says=("[[zone]] 1", "centre of no cell", "smaller cells")),
+    BadInput("zone where f never is", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE + "\n" + _zone("octet", "f_least = 5", "")), says=("[[zone]] 1", "f_least = 5", "runs from")),
     BadInput("anisotropy without a tensor", ('"uniform"', '"least-squares"\nalignment = 10\ndriver = ["paint"]\n' + SPHERE), says=("alignment = 10", "tensor", '"paint"')),
     BadInput("weights for other drivers", ('"uniform"', '"uniform"\ndriver_weights = [1, 2]'), says=("driver_weights", "2 for 1")),
     BadInput("weight of an unknown load case", ('"uniform"', '"uniform"\ncase_weights = { lead = 2 }'), says=("case_weights lead", '"load"')),

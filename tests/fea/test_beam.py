@@ -20,14 +20,14 @@ from fea.beam import (
     beam_stiffness,
     beam_stiffnesses,
 )
-from fea.sections import AbstractSection, Given, Round, Square, Tube
+from fea.sections import AbstractSection, Given, Round, Square, Tube, Wall
 
 E, NU = 70_000.0, 0.33
 G = E / (2 * (1 + NU))
 # Of the Taylor tests.
 STEPS = (8e-3, 4e-3, 2e-3)
 compiled = eqx.filter_jit(beam_stiffness)
-SECTIONS = [Round(), Square(), Tube(ratio=0.8), Round(shear_factor=float("inf"))]
+SECTIONS = [Round(), Square(), Tube(ratio=0.8), Wall(depth=3.0), Round(shear_factor=float("inf"))]
 
 
 def strut(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fea.errors import FeaError
-from fea.sections import Given, Round, Square, Tube, section
+from fea.sections import Given, Round, Square, Tube, Wall, section
 
 
 def test_round_section_has_the_textbook_constants():
@@ -37,6 +37,8 @@ def test_square_torsion_agrees_with_saint_venants_series():
         (Round(), 0.0, 6 / 7),
         (Square(), 0.0, 5 / 6),
         (Tube(ratio=0.0), 0.3, 0.886364),
+        # Of any rectangle.
+        (Wall(), 0.3, 0.849673),
         # The thin-walled limit 2 (1 + nu)/(4 + 3 nu).
         (Tube(ratio=1 - 1e-7), 0.3, 2.6 / 4.9),
     ],
@@ -99,12 +101,30 @@ def test_sections_taper_by_their_size(shape):
     np.testing.assert_allclose(np.diff(np.log(shape.second_moment(r))), 4 * np.log(4))
 
 
+def test_a_wall_has_the_constants_of_its_rectangle():
+    """A strip of height t = 2 r, width b: A = t b, I = b t³/12, W = b t²/6; peak shear 3/2 V/A."""
+    r, depth = np.array([0.5, 2.0]), 3.0
+    t, wall = 2 * r, Wall(depth=depth)
+    np.testing.assert_allclose(wall.area(r), t * depth, rtol=1e-15)
+    np.testing.assert_allclose(wall.second_moment(r), depth * t**3 / 12, rtol=1e-15)
+    np.testing.assert_allclose(wall.bending_modulus(r), depth * t**2 / 6, rtol=1e-15)
+    np.testing.assert_allclose(wall.shear_modulus_area(r), t * depth / 1.5, rtol=1e-15)
+    # The outermost fibre is the radius away.
+    np.testing.assert_allclose(wall.bending_modulus(r), wall.second_moment(r) / r, rtol=1e-15)
+
+
+@pytest.mark.parametrize("depth", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_wall_without_depth_is_refused(depth):
+    with pytest.raises(FeaError, match=r"depth = .* positive"):
+        Wall(depth=depth)
+
+
 def test_a_given_section_does_not_taper():
     np.testing.assert_array_equal(Given(A=2.0, I=3.0, J=4.0).area(np.array([0.5, 2.0])), 2.0)
 
 
 def test_unknown_sections_are_refused_with_the_known_ones():
-    with pytest.raises(FeaError, match="round, square"):
+    with pytest.raises(FeaError, match="round, square, wall"):
         section("hexagon")
 
 
@@ -114,7 +134,7 @@ def test_a_section_of_unknown_shape_has_no_shear_factor_of_its_own():
 
 
 @pytest.mark.parametrize("kappa", [0.0, -1.0, float("nan")])
-@pytest.mark.parametrize("shape", [Round, Square, partial(Tube, ratio=0.5)])
+@pytest.mark.parametrize("shape", [Round, Square, Wall, partial(Tube, ratio=0.5)])
 def test_a_shear_factor_that_is_none_is_refused(shape, kappa):
     with pytest.raises(FeaError, match=r"shear_factor = .* must be positive"):
         shape(shear_factor=kappa)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fea.beam import Strut, StrutMaterial
 from fea.section_forces import deflection
-from fea.sections import Given, Round, Square, Tube
+from fea.sections import Given, Round, Square, Tube, Wall
 from fea.strut_loads import joint_loads, strut_joint_loads, strut_load_forces, strut_weight
 
 E, NU, L, W = 70_000.0, 0.33, 12.0, 5.0
@@ -86,7 +86,7 @@ def parabola(load: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "section", [Round(), Square(), Tube(ratio=0.7), Given(A=2.0, I=0.7, J=0.4)]
+    "section", [Round(), Square(), Tube(ratio=0.7), Wall(depth=3.0), Given(A=2.0, I=0.7, J=0.4)]
 )
 @pytest.mark.parametrize("radii", [(0.6, 0.6), (0.4, 1.2)])
 def test_joint_forces_do_the_work_of_the_load(section, radii):

@@ -10,6 +10,7 @@ from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.strut_pieces import ON_SURFACE, strut_pieces
+from texmap_opt.structure.tile import tile
 from texmap_opt.structure.trim import trim
 
 FEW = settings(max_examples=25, deadline=None, derandomize=True)
@@ -65,7 +66,7 @@ def random_struts(seed: int, n: int = 200) -> Structure:
 def octet(low, edge: float, cells: int) -> Structure:
     axes = [a + edge * np.arange(cells + 1) for a in low]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    return map_structure(unit_cell("octet"), grid, 0.3)
+    return map_structure(tile(unit_cell("octet"), tuple(n - 1 for n in grid.shape[:3])), grid, 0.3)
 
 
 def rotation(seed: int) -> np.ndarray:

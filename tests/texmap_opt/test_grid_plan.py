@@ -132,7 +132,7 @@ def test_a_beam_turned_about_z_keeps_one_axis_along_z():
 def test_the_box_of_given_axes_is_the_smallest_that_holds_the_part(tmp_path: Path):
     given = '"uniform"\naxes = [[3, 4, 0], [-4, 3, 0], [0, 0, 2]]'
     surface = TriMesh(np.concatenate([CORNERS, [[900, 900, 900]]]), FACES)  # one vertex unused
-    box = part_box(case_of(tmp_path, ('"uniform"', given)), surface)
+    box = part_box(case_of(tmp_path, ('"uniform"', given)), surface, unit_cell("bcc"))
     np.testing.assert_allclose(box.axes, [[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]], atol=1e-15)
     np.testing.assert_allclose(box.bounds, [[0, -32, 0], [40, 12, 20]], atol=1e-12)
 
@@ -140,7 +140,74 @@ def test_the_box_of_given_axes_is_the_smallest_that_holds_the_part(tmp_path: Pat
 def test_cells_are_counted_along_the_axes_of_the_box(tmp_path: Path):
     turned = brick((40, 20, 10), Rotation.from_rotvec([0, 0, 0.4]))
     case = case_of(tmp_path, ('"uniform"', '"uniform"\naxes = "principal"\nmargin_cells = 0'))
-    grid = plan_grid(case, part_box(case, turned), unit_cell("bcc")).grid
+    grid = plan_grid(case, part_box(case, turned, unit_cell("bcc")), unit_cell("bcc")).grid
     assert grid.cells == (4, 2, 1)
     np.testing.assert_allclose(grid.uniform_edge, [38.4 / 4, 18.4 / 2, 8.4])
     np.testing.assert_allclose(grid.positions.reshape(-1, 3).mean(axis=0), MIDDLE)
+
+
+def in_plane(*changes: tuple[str, str]) -> tuple[tuple[str, str], ...]:
+    """Changes of the sound case, whose part is 40 x 20 x 20 mm, to a cell that is extruded."""
+    return (('"bcc"', '"octagon"'), *changes)
+
+
+@pytest.mark.parametrize(
+    ("extrusion", "cells", "axes", "edges"),
+    [
+        ("z", (8, 5), [0, 1, 2], [5, 4]),
+        ("x", (8, 5), [1, 2, 0], [2.5, 4]),
+        # Cells count x, then z; the grid of an extrusion along y runs along z, then x.
+        ("y", (5, 8), [2, 0, 1], [4, 5]),
+    ],
+)
+def test_two_counts_are_along_the_axes_across_the_extrusion(
+    tmp_path: Path, extrusion: str, cells: tuple, axes: list, edges: list
+):
+    given = ("cell_mm = 10.0", f'cells = [8, 5]\nextrusion = "{extrusion}"')
+    case = case_of(tmp_path, *in_plane(given, ('"uniform"', '"uniform"\nmargin_cells = 1')))
+    cell = unit_cell("octagon")
+    box = part_box(case, TriMesh(CORNERS, FACES), cell)
+    grid = plan_grid(case, box, cell).grid
+    np.testing.assert_array_equal(box.axes, np.eye(3)[axes])
+    assert grid.cells == (cells[0] + 2, cells[1] + 2)
+    np.testing.assert_allclose(grid.uniform_edge, edges)
+
+
+def test_a_cell_edge_is_the_first_of_the_proportions(tmp_path: Path):
+    """Honeycombs are sqrt(3) longer one way: 40 / 4 and 20 / 6.93, so 10 and 3 cells."""
+    case = case_of(tmp_path, ('"bcc"', '"honeycomb"'), ("cell_mm = 10.0", "cell_mm = 4"))
+    cell = unit_cell("honeycomb")
+    assert cell.proportions == pytest.approx((1, np.sqrt(3)))
+    grid = plan_grid(case, part_box(case, TriMesh(CORNERS, FACES), cell), cell).grid
+    assert grid.cells == (12, 5)
+
+
+@pytest.mark.parametrize(("cell", "length"), [("square", 2.0), ("octagon", 6 * (np.sqrt(2) - 1))])
+def test_the_density_of_walls_is_their_thickness_times_their_length_over_the_area(
+    tmp_path: Path, cell: str, length: float
+):
+    """Rho = 2 r L / a² with L the length of the walls of one cell of an endless lattice, edge a = 10."""
+    case = case_of(tmp_path, ('"bcc"', f'"{cell}"'), ("radius_mm = 0.8", "relative_density = 0.2"))
+    read = unit_cell(cell)
+    plan = plan_grid(case, part_box(case, TriMesh(CORNERS, FACES), read), read)
+    assert 2 * plan.radius_mm * length * 10 / 100 == pytest.approx(0.2, rel=1e-9)
+
+
+def test_a_density_of_walls_too_thin_to_print_names_the_least(tmp_path: Path):
+    """It goes with the radius, not its square: 0.005 means 0.0125 mm, so 0.05 mm are 0.02."""
+    case = case_of(tmp_path, ('"bcc"', '"square"'), ("radius_mm = 0.8", "relative_density = 0.005"))
+    cell = unit_cell("square")
+    with pytest.raises(CaseError, match=r"radius of 0.0125 mm.* give at least 0.02,"):
+        plan_grid(case, part_box(case, TriMesh(CORNERS, FACES), cell), cell)
+
+
+def test_faces_across_the_extrusion_are_fixed_in_the_order_of_the_grid(tmp_path: Path):
+    changes = (
+        ("cell_mm = 10.0", 'cell_mm = 10.0\nextrusion = "y"'),
+        ('"uniform"', '"uniform"\nfixed_faces = ["+x"]'),
+    )
+    case, cell = case_of(tmp_path, *in_plane(*changes)), unit_cell("octagon")
+    free = plan_grid(case, part_box(case, TriMesh(CORNERS, FACES), cell), cell).grid.free
+    # The grid runs along z, then x.
+    assert not free[:, :, -1].any()
+    assert free[0, 1:-1, 0].all()

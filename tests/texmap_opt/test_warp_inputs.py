@@ -46,7 +46,7 @@ def inputs(
     names = case.load_cases[: len(tensions)]
     field = StressField(MESH, names, zeros, stress, zeros, zeros[:, 0], zeros[:, 0, 0], 0.0, 0.0)
     cell = unit_cell("bcc")
-    plan = plan_grid(case, part_box(case, PART.surface), cell)
+    plan = plan_grid(case, part_box(case, PART.surface, cell), cell)
     lattice = endless_lattice(case, plan, cell)
     return warp_inputs(case, PART, field, plan.grid, lattice, given_drivers(case, plan.grid))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import jax
 from frame_cases import stability, textbook
-from lattice_cases import closed_forms
+from lattice_cases import closed_forms, plane
 from shell_cases import curved, membrane, plates
 from solid_cases import exact_fields, lame_and_kirsch, published, scikit_fem
 from target import Benchmark, Target
@@ -68,6 +68,11 @@ Effective stiffness of periodic frames, `fea.homogenise_frame`: rigid joints, ro
 forms are exact for the beam model. Beams against solids: [joint-model.md](joint-model.md).
 """
 
+EXTRUDED = """\
+Effective stiffness of extruded (2.5-D) lattices in their plane, per unit depth: periodic frames of
+`fea.Wall`. The closed forms are exact for the beam model.
+"""
+
 CHAPTERS = (
     Chapter(
         "Solids",
@@ -82,6 +87,7 @@ CHAPTERS = (
     Chapter("Frames", FRAMES, (*textbook.BENCHMARKS, *stability.BENCHMARKS)),
     Chapter("Skins", SKINS, (*membrane.BENCHMARKS, *plates.BENCHMARKS, *curved.BENCHMARKS)),
     Chapter("Lattices", LATTICES, closed_forms.BENCHMARKS),
+    Chapter("Extruded lattices", EXTRUDED, plane.BENCHMARKS),
 )
 
 BENCHMARKS = tuple(benchmark for chapter in CHAPTERS for benchmark in chapter.benchmarks)

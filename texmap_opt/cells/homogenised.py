@@ -56,7 +56,7 @@ class HomogenisedCell:
         lines = [
             f"frame model, radius {self.radius:g} of the cell's edge, solid with E = 1 and nu = "
             f"{self.nu:g}",
-            f"joints    {self._joints()}",
+            f"joints    {joints_text(self.cell, self.joint_model)}",
             f"density   {self.density:.4g} (centre lines {self.centre_line_density:.4g})",
             "E         "
             + ", ".join(
@@ -74,15 +74,40 @@ class HomogenisedCell:
         ]
         return "\n".join(lines)
 
-    def _joints(self) -> str:
-        if self.joint_model is not None:
-            return f"stiffened as fitted to solids, within {100 * self.joint_model.error:.2g} %"
-        if self.cell.joint_model is None:
-            return "beams from joint to joint: too soft, the more so the thicker (no joint model)"
-        return (
-            "beams from joint to joint: thicker than the joint model was fitted to, radius/length "
-            f"{self.cell.joint_model.slenderness:g}"
+
+def checked_density(cell: UnitCell, radius: float) -> float:
+    """Relative density, of struts that leave some of the cell empty.
+
+    Args:
+        cell: the unit cell.
+        radius: of struts of relative radius 1, in cell edges.
+
+    Raises:
+        CellError: for a radius that is not positive or so large that the struts fill the cell.
+    """
+    if not (np.isfinite(radius) and radius > 0):
+        raise CellError(
+            f"the radius is {radius:g} of the cell's edge; it must be a positive number."
         )
+    density = periodic_density(cell, radius)
+    if not density < 1:
+        raise CellError(
+            f'unit cell "{cell.name}": struts of radius {radius:g} of the cell\'s edge fill the cell '
+            f"(relative density {density:.3g}, must be below 1); take a smaller radius."
+        )
+    return density
+
+
+def joints_text(cell: UnitCell, joint_model: JointModel | None) -> str:
+    """What stands for the joints, in words."""
+    if joint_model is not None:
+        return f"stiffened as fitted to solids, within {100 * joint_model.error:.2g} %"
+    if cell.joint_model is None:
+        return "beams from joint to joint: too soft, the more so the thicker (no joint model)"
+    return (
+        "beams from joint to joint: thicker than the joint model was fitted to, radius/length "
+        f"{cell.joint_model.slenderness:g}"
+    )
 
 
 def fitting_joint_model(cell: UnitCell, radius: float) -> JointModel | None:
@@ -118,16 +143,7 @@ def homogenised_cell(
             a lattice that resists some strain with nothing.
         LatticeError: for struts thicker than the joint model was fitted to.
     """
-    if not (np.isfinite(radius) and radius > 0):
-        raise CellError(
-            f"the radius is {radius:g} of the cell's edge; it must be a positive number."
-        )
-    density = periodic_density(cell, radius)
-    if not density < 1:
-        raise CellError(
-            f'unit cell "{cell.name}": struts of radius {radius:g} of the cell\'s edge fill the cell '
-            f"(relative density {density:.3g}, must be below 1); take a smaller radius."
-        )
+    density = checked_density(cell, radius)
     material = StrutMaterial(1.0, nu, section_of(cell.section))
     frame = periodic_frame(
         cell, edge=1.0, radius=radius, material=material, joint_model=joint_model

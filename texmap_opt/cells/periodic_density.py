@@ -1,38 +1,42 @@
 """Relative density of an endless lattice, with what its struts share at joints counted once."""
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
+from texmap_opt.cells.drawn_cell import drawn_net
 from texmap_opt.cells.unit_cell import TICKS, UnitCell
-from texmap_opt.structure.map import map_structure
+from texmap_opt.structure.tile import tile
 from texmap_opt.structure.volume import SUBDIVISIONS, LatticeVolume
 
 
 def periodic_density(cell: UnitCell, radius: float, *, subdivisions: int = SUBDIVISIONS) -> float:
-    """Overlap-corrected volume of one cell inside the lattice, over that of its cube.
+    """Overlap-corrected volume of one cell inside the lattice, over that of the undistorted cell.
 
     Args:
         cell: the unit cell.
-        radius: of struts of relative radius 1, in cell edges.
+        radius: of struts of relative radius 1, in edges of the cell along its first axis.
         subdivisions: of the quadrature; see `texmap_opt.structure.volume`.
     """
     # What lies around the inner cells (an even number where they are mirrored) is as in the endless
     # lattice; of joints and half struts on their faces, those on the lower ones count.
-    inner = 2 if cell.tiling == "mirror" else 1
-    ticks = np.arange(inner + 3.0)
-    block = map_structure(
-        cell, np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1), radius
-    )
-    touching = _inside(block.joints, inner)[block.struts].any(axis=1)
-    block = block.select(np.asarray(touching))
-    inside = _inside(block.joints, inner)
+    inner = np.array(cell.period)
+    net = tile(cell, tuple(int(n) for n in inner + 3))
+    block = drawn_net(cell, net, radius)
+    first, last = (_inside(net.joints, inner)[net.struts[:, end]] for end in (0, 1))
+    block, kept = block.select(first | last), (first | last)
+    inside = np.zeros(len(block.joints), bool)
+    inside[block.struts[:, 0]] = first[kept]
+    inside[block.struts[:, 1]] = last[kept]
     measure = LatticeVolume.of(block, subdivisions=subdivisions, seen=inside)
-    area = np.pi * measure.as_round(block.radii)[:, 0] ** 2
-    own = float(np.sum(area * block.lengths() * inside[block.struts].mean(axis=1)))
-    return (own - float(measure.overlap(block.joints, block.radii))) / inner**3
+    share = inside[block.struts].mean(axis=1)
+    own = float(np.sum(share * measure.strut_volumes(block.joints, block.radii)))
+    whole = float(np.prod(inner * np.array(cell.proportions)))
+    return (own - float(measure.overlap(block.joints, block.radii))) / whole
 
 
-def _inside(joints: Float[np.ndarray, "joints 3"], inner: int) -> Bool[np.ndarray, " joints"]:
+def _inside(
+    joints: Float[np.ndarray, "joints d"], inner: Int[np.ndarray, " d"]
+) -> Bool[np.ndarray, " joints"]:
     """Joints of the inner cells, which begin after the first; without those on upper faces."""
     # Half a tick: positions are compared as exactly as joints are welded.
     low = 1 - 0.5 / TICKS

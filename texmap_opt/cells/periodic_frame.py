@@ -23,7 +23,7 @@ def periodic_frame(
 
     Args:
         cell: the unit cell.
-        edge: of the cell [mm].
+        edge: of the undistorted cell along its first axis [mm].
         radius: of struts of relative radius 1 [mm].
         material: E [MPa], nu and section.
         joint_model: None: beams from joint to joint.
@@ -31,13 +31,13 @@ def periodic_frame(
     Raises:
         LatticeError: for struts thicker than the joint model was fitted to.
     """
-    cells = 2 if cell.tiling == "mirror" else 1
-    net = tile(cell, (cells, cells, cells))
+    net = tile(cell, cell.period)
+    edges = edge * np.array(cell.proportions)
     frame = PeriodicFrame.from_block(
-        edge * net.joints,
+        edges * net.joints,
         net.struts,
         np.repeat(radius * net.relative_radius[:, None], 2, axis=1),
-        cells * edge * np.eye(3),
+        np.diag(edges * np.array(cell.period)),
         material,
     )
     if joint_model is None:

@@ -40,15 +40,18 @@ def mirror_spacing(cell: UnitCell) -> float:
     """Distance between a tiled cell's mirror planes across each axis, in cell edges.
 
     1/2 where the cell is its own mirror image: planes lie in its faces and its middle. 1 where it
-    is tiled by reflection: planes lie in its faces.
+    is tiled by reflection along some axis: planes lie in its faces.
 
     Raises:
-        CellError: when the cell is neither.
+        CellError: when the cell is neither, is no cube, or is extruded.
     """
-    if cell.tiling == "mirror":
-        return 1.0
+    if cell.dimensions != 3 or len(set(cell.proportions)) > 1:
+        raise CellError(
+            f'unit cell "{cell.name}" is no cube of struts, so it has no tets between mirror planes of '
+            "a cube; choose a cell such as octet, bcc, cube or tetrakaidecahedron."
+        )
     net = _lines(cell, cell.ticks)
-    for axis in range(3):
+    for axis in np.flatnonzero(~np.array(cell.mirrored)):
         image = cell.ticks.copy()
         image[:, axis] = TICKS - image[:, axis]
         if _lines(cell, image) != net:
@@ -57,7 +60,7 @@ def mirror_spacing(cell: UnitCell) -> float:
                 "tets cannot be made periodic by reflection; choose a cell with mirror planes, such "
                 "as octet, bcc, cube or tetrakaidecahedron."
             )
-    return 0.5
+    return 1.0 if any(cell.mirrored) else 0.5
 
 
 def is_cubic(cell: UnitCell) -> bool:

@@ -1,5 +1,6 @@
 """Is a cell rigid with pin joints? Counted by Maxwell's rule, and checked by rank."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +31,21 @@ class Mechanisms:
 
 
 def maxwell_number(cell: UnitCell) -> int:
-    """Maxwell's b - 3 j + 6 for one cell alone; negative means that it cannot be rigid."""
-    return len(cell.struts) - 3 * len(cell.joints) + 6
+    """Maxwell's b - 3 j + 6, or b - 2 j + 3 in the plane, for one cell alone.
+
+    Negative means that it cannot be rigid.
+    """
+    d = cell.dimensions
+    return len(cell.struts) - d * len(cell.joints) + d * (d + 1) // 2
+
+
+def classification(cell: UnitCell) -> str:
+    """Whether the lattice is "stretching"- or "bending"-dominated.
+
+    Bending where some uniform strain stretches no strut of the pin-jointed lattice (Deshpande, Ashby,
+    Fleck, Acta Mater. 49 (2001) 1035).
+    """
+    return "bending" if mechanisms(cell).strain_producing else "stretching"
 
 
 def mechanisms(cell: UnitCell) -> Mechanisms:
@@ -41,24 +55,29 @@ def mechanisms(cell: UnitCell) -> Mechanisms:
     direction n from joint a to joint b lengthens, over its length, by n.(u_b - u_a) / L + n.E n.
     Only motions whose wavelength is the period are seen.
     """
+    d = cell.dimensions
     compatibility, joints = _compatibility(cell)
     _, values, rows = np.linalg.svd(compatibility, full_matrices=True)
     rank = int(np.sum(values > RANK_TOLERANCE * values[0]))
     free = rows[rank:]
-    strains = np.linalg.svd(free[:, 3 * joints :], compute_uv=False)
+    strains = np.linalg.svd(free[:, d * joints :], compute_uv=False)
     return Mechanisms(
-        mechanisms=len(free) - 3,
+        mechanisms=len(free) - d,
         strain_producing=int(np.sum(strains > RANK_TOLERANCE)),
         self_stresses=len(compatibility) - rank,
     )
 
 
 def _compatibility(cell: UnitCell) -> tuple[Float[np.ndarray, "struts dofs"], int]:
-    """Matrix from (displacements, strain) to strut elongations, and the joints in one period."""
-    period = 2 if cell.tiling == "mirror" else 1
-    net = tile(cell, (period, period, period))
+    """Matrix from (displacements, strain) to strut elongations, and the joints in one period.
+
+    In the unit cube: stretching a net changes neither its mechanisms nor its self-stresses.
+    """
+    d = cell.dimensions
+    period = TICKS * np.array(cell.period)
+    net = tile(cell, cell.period)
     ticks = np.rint(net.joints * TICKS).astype(np.int64)
-    places, image = np.unique(ticks % (period * TICKS), axis=0, return_inverse=True)
+    places, image = np.unique(ticks % period, axis=0, return_inverse=True)
     image = image.reshape(-1)
     step = ticks[net.struts[:, 1]] - ticks[net.struts[:, 0]]
     ends = image[net.struts]
@@ -71,13 +90,13 @@ def _compatibility(cell: UnitCell) -> tuple[Float[np.ndarray, "struts dofs"], in
     vector = bars[:, 2:] / TICKS
     length = np.linalg.norm(vector, axis=1, keepdims=True)
     n = vector / length
-    matrix = np.zeros((len(bars), len(places), 3))
+    matrix = np.zeros((len(bars), len(places), d))
     row = np.arange(len(bars))
     np.add.at(matrix, (row, bars[:, 1]), n / length)
     np.add.at(matrix, (row, bars[:, 0]), -n / length)
-    strain = np.stack([n[:, i] * n[:, j] for i, j in ((0, 0), (1, 1), (2, 2))], axis=1)
-    shear = np.stack([n[:, i] * n[:, j] for i, j in ((1, 2), (0, 2), (0, 1))], axis=1)
-    full = np.concatenate([matrix.reshape(len(bars), -1), strain, shear], axis=1)
+    pairs = itertools.combinations_with_replacement(range(d), 2)
+    strain = np.stack([n[:, i] * n[:, j] for i, j in pairs], axis=1)
+    full = np.concatenate([matrix.reshape(len(bars), -1), strain], axis=1)
     return full, len(places)
 
 

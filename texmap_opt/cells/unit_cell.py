@@ -7,7 +7,8 @@ from jaxtyping import Float, Int
 
 from texmap_opt.cells.joint_model import JointModel
 
-SECTIONS = ("round", "square")
+# Of struts that are bars, by the number of dimensions; those of a cross-section become walls.
+SECTIONS = {2: ("wall",), 3: ("round", "square")}
 TILINGS = ("translate", "mirror")
 CLASSIFICATIONS = ("stretching", "bending")
 
@@ -19,18 +20,22 @@ TICKS = 720_720_000
 
 @dataclass(frozen=True, eq=False)
 class UnitCell:
-    """Joints in the unit cube, struts between them, and how copies are put side by side.
+    """Joints in the unit cube or square, struts between them, and how copies are put side by side.
+
+    A cell of two dimensions (2.5-D) is the cross-section of one that is extruded.
 
     Attributes:
         name: what the case file calls it.
         joint_names: the id of each joint in its file.
-        joints: positions in the unit cube.
+        joints: positions in the unit cube or square.
         struts: the two joints of each strut.
         relative_radius: radius of each strut over the radius asked for.
-        section: "round" or "square".
-        tiling: "translate" (every cell is a copy) or "mirror" (odd cells are reflected, along each
-            axis by itself).
+        section: "round" or "square"; "wall" in two dimensions.
+        mirrored: for each axis whether odd cells along it are reflected; else all are copies.
+        proportions: edges of the undistorted cell, whose longest is of no special length. What has a
+            size in space (stiffness, pictures, the grid of `cell_mm`) stretches the unit cube so.
         classification: "stretching" or "bending" (Deshpande, Ashby, Fleck 2001).
+        symmetry: crystal system of the endless undistorted lattice.
         source: publication.
         description: one or two sentences.
         aliases: other names it goes by.
@@ -39,18 +44,42 @@ class UnitCell:
 
     name: str
     joint_names: tuple[str, ...]
-    joints: Float[np.ndarray, "joints 3"]
+    joints: Float[np.ndarray, "joints d"]
     struts: Int[np.ndarray, "struts 2"]
     relative_radius: Float[np.ndarray, " struts"]
     section: str
-    tiling: str
+    mirrored: tuple[bool, ...]
+    proportions: tuple[float, ...]
     classification: str
+    symmetry: str
     source: str
     description: str
     aliases: tuple[str, ...] = ()
     joint_model: JointModel | None = None
 
     @property
-    def ticks(self) -> Int[np.ndarray, "joints 3"]:
+    def dimensions(self) -> int:
+        """3, or 2 for a cell that is extruded."""
+        return self.joints.shape[1]
+
+    @property
+    def tiling(self) -> str:
+        """As in the file: translate or mirror, one word for each axis, or one where all agree."""
+        words = ["mirror" if mirrored else "translate" for mirrored in self.mirrored]
+        return words[0] if len(set(words)) == 1 else " ".join(words)
+
+    @property
+    def period(self) -> tuple[int, ...]:
+        """Cells along each axis after which the lattice repeats."""
+        return tuple(2 if mirrored else 1 for mirrored in self.mirrored)
+
+    @property
+    def ticks(self) -> Int[np.ndarray, "joints d"]:
         """Positions in whole steps of 1/`TICKS`: exact to compare, and to reflect."""
         return np.rint(self.joints * TICKS).astype(np.int64)
+
+    @property
+    def edges(self) -> Float[np.ndarray, "struts d"]:
+        """From the first joint of each strut to its second, in the undistorted cell."""
+        ends = self.joints[self.struts] * np.array(self.proportions)
+        return ends[:, 1] - ends[:, 0]

@@ -1,28 +1,35 @@
 """Unit cells from XML files (schema: library/unit_cell.xsd); reading one checks it."""
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-import scipy.sparse.csgraph
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  (compiled)
 
 from texmap_opt.cells.joint_model import JointModel
+from texmap_opt.cells.rigidity import classification
+from texmap_opt.cells.symmetry import SYSTEMS, crystal_system
 from texmap_opt.cells.unit_cell import CLASSIFICATIONS, SECTIONS, TICKS, TILINGS, UnitCell
+from texmap_opt.cells.unit_cell_checks import first_fault
 from texmap_opt.errors import CellError, nearest_name
-from texmap_opt.structure.tile import tile
 
 # A decimal or a fraction, not negative, as in the schema; Python's numbers allow more (1e3, nan).
 COORDINATE = re.compile(r"[0-9]+(\.[0-9]+)?|[0-9]+/[1-9][0-9]*")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._\-]*")
-# Enough to see a net fall apart: a cell meets its neighbours on all sides, and both parities of a
-# mirrored tiling occur along each axis.
-BLOCK = (2, 2, 2)
-AXES = "xyz"
+UNITS = ("cell", "mm")
+NEEDED = {"name", "dimensions", "unit", "section", "tiling"}
+OPTIONAL = {"aliases", "proportions", "edges_mm", "classification", "symmetry"}
+# Why an attribute that is missing is needed.
+REMEDIES = {
+    "dimensions": 'give dimensions="3", or "2" for a cross-section that is extruded.',
+    "unit": 'give unit="cell" for coordinates from 0 to 1, or unit="mm" with edges_mm.',
+    "section": 'give section="round" or "square", or "wall" in two dimensions.',
+    "tiling": 'give tiling="translate" or "mirror".',
+}
 
 
 def read_unit_cell(path: Path) -> UnitCell:
@@ -31,8 +38,9 @@ def read_unit_cell(path: Path) -> UnitCell:
     Raises:
         CellError: with file and line, when the file cannot be read, is not XML, does not follow the
             schema, or describes no lattice: a joint outside the unit cube, two joints at one place,
-            a joint without struts, a strut of no length or given twice, opposite faces that do not
-            match, a net that falls apart when it is tiled.
+            a joint without struts, a strut of no length or given twice, a strut through a joint,
+            opposite faces that do not match, a net that falls apart, has loose ends or struts that
+            cross when it is tiled, a class or symmetry that the cell does not have.
     """
     return _Reader(path.name).cell(_root(path))
 
@@ -73,9 +81,11 @@ class _Reader:
 
     def cell(self, root: etree._Element) -> UnitCell:
         self.expect_tag(root, "unit_cell")
-        self.expect_attributes(root, {"name", "section", "tiling", "classification"}, {"aliases"})
+        self.expect_attributes(root, NEEDED, OPTIONAL)
         parts = self.children(root)
-        names, joints = self.joints(parts["joints"])
+        d = int(self.choice(root, "dimensions", ("2", "3")))
+        edges = self.edges(root, d)
+        names, joints = self.joints(parts["joints"], edges)
         struts, relative_radius = self.struts(parts["struts"], names)
         cell = UnitCell(
             name=self.name(root, "name"),
@@ -83,19 +93,82 @@ class _Reader:
             joints=joints,
             struts=struts,
             relative_radius=relative_radius,
-            section=self.choice(root, "section", SECTIONS),
-            tiling=self.choice(root, "tiling", TILINGS),
-            classification=self.choice(root, "classification", CLASSIFICATIONS),
+            section=self.choice(root, "section", SECTIONS[d]),
+            mirrored=self.mirrored(root, d),
+            proportions=self.proportions(root, edges),
+            classification="",
+            symmetry="",
             source=self.text(parts["source"]),
             description=self.text(parts["description"]),
             aliases=self.aliases(root),
             joint_model=self.joint_model(parts.get("joint_model")),
         )
-        self.check_joints(cell, parts["joints"])
-        if cell.tiling == "translate":
-            self.check_faces(cell, parts)
-        self.check_block(cell, root)
-        return cell
+        fault = first_fault(cell)
+        if fault is not None:
+            elements = {"joint": parts["joints"], "strut": parts["struts"], "cell": [root]}
+            self.refuse(elements[fault.kind][fault.index], fault.message)
+        return replace(
+            cell,
+            classification=self.stated(root, "classification", classification(cell)),
+            symmetry=self.stated(root, "symmetry", crystal_system(cell)),
+        )
+
+    def stated(self, root: etree._Element, key: str, found: str) -> str:
+        """What was found, which the file may say too."""
+        if key in root.attrib:
+            known = {"classification": CLASSIFICATIONS, "symmetry": SYSTEMS}[key]
+            given = self.choice(root, key, known)
+            if given != found:
+                self.refuse(
+                    root, f'{key} is "{given}", but the lattice is {found}; give that, or nothing.'
+                )
+        return found
+
+    def edges(self, root: etree._Element, d: int) -> tuple[Fraction, ...] | None:
+        """Edges of a cell in millimetres; None where coordinates are shares of them."""
+        if self.choice(root, "unit", UNITS) == "cell":
+            if "edges_mm" in root.attrib:
+                self.refuse(root, 'edges_mm is for unit="mm"; remove one of them.')
+            return None
+        if "edges_mm" not in root.attrib:
+            self.refuse(root, f'unit="mm" needs the {d} edges of the cell: add edges_mm.')
+        if "proportions" in root.attrib:
+            self.refuse(root, "proportions follow from edges_mm; remove them.")
+        return self.lengths(root, "edges_mm", d)
+
+    def proportions(
+        self, root: etree._Element, edges: tuple[Fraction, ...] | None
+    ) -> tuple[float, ...]:
+        d = int(root.attrib["dimensions"])
+        if edges is None:
+            if "proportions" not in root.attrib:
+                return (1.0,) * d
+            edges = self.lengths(root, "proportions", d)
+        return tuple(float(edge / edges[0]) for edge in edges)
+
+    def lengths(self, root: etree._Element, key: str, d: int) -> tuple[Fraction, ...]:
+        words = str(root.attrib[key]).split()
+        positive = len(words) == d and all(
+            COORDINATE.fullmatch(word) and Fraction(word) > 0 for word in words
+        )
+        if not positive:
+            self.refuse(
+                root,
+                f'{key} is "{root.attrib[key]}"; it needs {d} positive numbers, such as '
+                f"{' '.join(['1', '1.5', '2'][:d])}.",
+            )
+        return tuple(Fraction(word) for word in words)
+
+    def mirrored(self, root: etree._Element, d: int) -> tuple[bool, ...]:
+        words = str(root.attrib["tiling"]).split()
+        for word in words:
+            if word not in TILINGS:
+                self.refuse(root, f'tiling is "{word}"; {nearest_name(word, TILINGS)}')
+        if len(words) not in (1, d):
+            self.refuse(
+                root, f'tiling is "{" ".join(words)}"; give one word, or one for each of {d} axes.'
+            )
+        return tuple(word == "mirror" for word in words) * (d if len(words) == 1 else 1)
 
     def children(self, root: etree._Element) -> dict[str, etree._Element]:
         order = ["description", "source", "joints", "struts", "joint_model"]
@@ -114,7 +187,9 @@ class _Reader:
             self.refuse(root, "the elements must come in the order " + ", ".join(order) + ".")
         return found
 
-    def joints(self, element: etree._Element) -> tuple[dict[str, int], np.ndarray]:
+    def joints(
+        self, element: etree._Element, edges: tuple[Fraction, ...] | None
+    ) -> tuple[dict[str, int], np.ndarray]:
         self.expect_attributes(element, set())
         names: dict[str, int] = {}
         places: dict[tuple[int, ...], str] = {}
@@ -125,7 +200,7 @@ class _Reader:
             name = self.name(joint, "id")
             if name in names:
                 self.refuse(joint, f'a second joint with id "{name}"; ids must differ.')
-            position = self.position(joint, name)
+            position = self.position(joint, name, edges)
             place = tuple(round(x * TICKS) for x in position)
             if place in places:
                 self.refuse(
@@ -138,26 +213,41 @@ class _Reader:
             self.refuse(element, f"{len(joints)} joints; a cell needs at least two.")
         return names, np.array(joints)
 
-    def position(self, joint: etree._Element, name: str) -> list[Fraction]:
+    def position(
+        self, joint: etree._Element, name: str, edges: tuple[Fraction, ...] | None
+    ) -> list[Fraction]:
+        d = int(joint.getparent().getparent().attrib["dimensions"])
         words = [str(word) for word in (joint.text or "").split()]
-        if len(joint) or len(words) != 3 or not all(COORDINATE.fullmatch(w) for w in words):
-            if all(COORDINATE.fullmatch(w.removeprefix("-")) for w in words) and len(words) == 3:
-                self.refuse_outside(joint, name, words)
+        if len(joint) or len(words) != d or not all(COORDINATE.fullmatch(w) for w in words):
+            if all(COORDINATE.fullmatch(w.removeprefix("-")) for w in words) and len(words) == d:
+                self.refuse_outside(joint, name, words, edges)
             self.refuse(
                 joint,
-                f'joint "{name}" is at "{(joint.text or "").strip()}"; it needs three coordinates, '
-                "decimals or fractions, such as 0 0.5 1/3.",
+                f'joint "{name}" is at "{(joint.text or "").strip()}"; it needs {d} coordinates, '
+                f"decimals or fractions, such as {' '.join(['0', '0.5', '1/3'][:d])}.",
             )
         position = [Fraction(w) for w in words]
+        if edges is not None:
+            position = [x / edge for x, edge in zip(position, edges, strict=True)]
         if max(position) > 1:
-            self.refuse_outside(joint, name, words)
+            self.refuse_outside(joint, name, words, edges)
         return position
 
-    def refuse_outside(self, joint: etree._Element, name: str, words: list[str]) -> NoReturn:
+    def refuse_outside(
+        self,
+        joint: etree._Element,
+        name: str,
+        words: list[str],
+        edges: tuple[Fraction, ...] | None,
+    ) -> NoReturn:
+        shape = "unit square" if len(words) == 2 else "unit cube"
+        limit = "0 and 1"
+        if edges is not None:
+            shape, limit = "cell", f"0 and edges_mm = {' '.join(f'{float(e):g}' for e in edges)}"
         self.refuse(
             joint,
-            f'joint "{name}" at {" ".join(words)} is outside the unit cube; every coordinate must '
-            "lie between 0 and 1.",
+            f'joint "{name}" at {" ".join(words)} is outside the {shape}; every coordinate must lie '
+            f"between {limit}.",
         )
 
     def struts(
@@ -235,56 +325,6 @@ class _Reader:
             )
         return float(radius)
 
-    def check_joints(self, cell: UnitCell, element: etree._Element) -> None:
-        bare = set(range(len(cell.joints))) - set(cell.struts.reshape(-1).tolist())
-        if bare:
-            joint = min(bare)
-            self.refuse(
-                element[joint],
-                f'joint "{cell.joint_names[joint]}" has no strut; remove it or join it.',
-            )
-
-    def check_faces(self, cell: UnitCell, parts: dict[str, etree._Element]) -> None:
-        """Whatever lies in a face must lie in the opposite one, for neighbours to share it."""
-        for axis in range(3):
-            across = np.delete(cell.ticks, axis, axis=1)
-            faces = [cell.ticks[:, axis] == 0, cell.ticks[:, axis] == TICKS]
-            for this, other in (faces, faces[::-1]):
-                lone = self.unmatched(_points(across, this), _points(across, other))
-                if lone is not None:
-                    self.refuse_face(cell, parts["joints"][lone], axis, "joint")
-                lone = self.unmatched(_lines(cell, across, this), _lines(cell, across, other))
-                if lone is not None:
-                    self.refuse_face(cell, parts["struts"][lone], axis, "strut")
-
-    def unmatched(self, here: dict[tuple, int], there: dict[tuple, int]) -> int | None:
-        return next((index for place, index in here.items() if place not in there), None)
-
-    def refuse_face(
-        self, cell: UnitCell, element: etree._Element, axis: int, kind: str
-    ) -> NoReturn:
-        what = element.get("id") or f"{element.get('from')}–{element.get('to')}"
-        self.refuse(
-            element,
-            f'{kind} "{what}" lies in a face across {AXES[axis]} and has no match in the opposite '
-            f'face, so neighbours would not share it; add the match or use tiling="mirror".',
-        )
-
-    def check_block(self, cell: UnitCell, root: etree._Element) -> None:
-        net = tile(cell, BLOCK)
-        n = len(net.joints)
-        graph = scipy.sparse.coo_array(
-            (np.ones(len(net.struts)), tuple(net.struts.T)), shape=(n, n)
-        )
-        pieces = scipy.sparse.csgraph.connected_components(graph, directed=False)[0]
-        if pieces > 1:
-            self.refuse(
-                root,
-                f'a block of {" x ".join(map(str, BLOCK))} cells with tiling="{cell.tiling}" falls '
-                f"into {pieces} separate nets; neighbours must share joints: change the tiling, or "
-                "add struts.",
-            )
-
     def expect_tag(self, element: etree._Element, tag: str) -> None:
         if element.tag != tag:
             self.refuse(element, f"<{element.tag}> where <{tag}> is expected.")
@@ -301,7 +341,8 @@ class _Reader:
                 self.refuse(element, f'attribute "{key}" of <{element.tag}> is unknown; {remedy}')
         for key in sorted(needed):
             if key not in element.attrib:
-                self.refuse(element, f'<{element.tag}> lacks its attribute "{key}".')
+                remedy = f"; {REMEDIES[key]}" if key in REMEDIES else "."
+                self.refuse(element, f'<{element.tag}> lacks its attribute "{key}"{remedy}')
 
     def name(self, element: etree._Element, key: str) -> str:
         return self.word(element, key, str(element.attrib[key]))
@@ -330,19 +371,3 @@ class _Reader:
         if not text or len(element):
             self.refuse(element, f"<{element.tag}> must hold text and nothing else.")
         return text
-
-
-def _points(across: np.ndarray, in_face: Bool[np.ndarray, " joints"]) -> dict[tuple, int]:
-    """Joints in a face, by their place in it."""
-    return {tuple(across[j].tolist()): int(j) for j in np.flatnonzero(in_face)}
-
-
-def _lines(
-    cell: UnitCell, across: np.ndarray, in_face: Bool[np.ndarray, " joints"]
-) -> dict[tuple, int]:
-    """Struts in a face, by the places of their ends and their radius."""
-    lines = {}
-    for s in np.flatnonzero(in_face[cell.struts].all(axis=1)):
-        ends = sorted(map(tuple, across[cell.struts[s]].tolist()))
-        lines[(*ends, float(cell.relative_radius[s]))] = int(s)
-    return lines

@@ -1,7 +1,8 @@
-"""Booleans of solids, exact to rounding; the only user of manifold3d.
+"""Booleans of solids and of outlines in a plane, exact to rounding; the only user of manifold3d.
 
-Everything goes through `Mesh64`, so vertices stay in double precision, and every result's status
-is looked at: manifold3d answers a bad input with an empty solid, not with an exception.
+Solids go through `Mesh64`, so vertices stay in double precision, and every result's status is
+looked at: manifold3d answers a bad input with an empty solid, not with an exception. Outlines are
+rounded to 1e-8 mm, the fixed grid on which Clipper2 computes.
 """
 
 from collections.abc import Sequence
@@ -71,6 +72,66 @@ def simplified(surface: TriMesh, tolerance: float) -> TriMesh:
     """A surface of fewer triangles within `tolerance` [mm], with a subset of the vertices."""
     # `as_original` first: triangles from different sources are merged only in an original.
     return _surface(_manifold(surface).as_original().simplify(tolerance))
+
+
+def outline_union(
+    polygons: Sequence[Float[np.ndarray, "_ 2"]],
+) -> list[Float[np.ndarray, "_ 2"]]:
+    """Outline of what any of the polygons covers: outer polygons counter-clockwise, holes clockwise.
+
+    Args:
+        polygons: counter-clockwise; they may overlap.
+    """
+    return m3.CrossSection(list(polygons), m3.FillRule.Positive).to_polygons()
+
+
+def shadow(
+    surface: TriMesh, axes: Float[np.ndarray, "3 3"], *, tolerance: float
+) -> list[Float[np.ndarray, "_ 2"]]:
+    """Outline of a solid seen along an axis, in coordinates along the two others.
+
+    Args:
+        surface: closed, outward oriented [mm].
+        axes: unit vectors as rows, right-handed; the third is the direction of sight.
+        tolerance: corners closer than this to the line through their neighbours are left out [mm].
+    """
+    turned = _manifold(TriMesh(surface.vertices @ axes.T, surface.faces))
+    return turned.project().simplify(tolerance).to_polygons()
+
+
+def inset(
+    outline: Sequence[Float[np.ndarray, "_ 2"]], distance: float, *, tolerance: float
+) -> list[Float[np.ndarray, "_ 2"]]:
+    """Outline of what lies at least a distance inside another; none where nothing does.
+
+    Args:
+        outline: outer polygons counter-clockwise, holes clockwise, none crossing another [mm].
+        distance: 0 for the outline itself [mm].
+        tolerance: corners closer than this to the line through their neighbours are left out [mm].
+    """
+    shape = m3.CrossSection(list(outline)).offset(-distance, m3.JoinType.Miter)
+    return shape.simplify(tolerance).to_polygons()
+
+
+def prism(
+    outline: Sequence[Float[np.ndarray, "_ 2"]],
+    axes: Float[np.ndarray, "3 3"],
+    heights: Float[np.ndarray, " 2"],
+) -> TriMesh:
+    """The solid over an outline, the inverse of `shadow`.
+
+    Args:
+        outline: outer polygons counter-clockwise, holes clockwise, none crossing another [mm].
+        axes: unit vectors as rows, right-handed; the outline has coordinates along the first two.
+        heights: coordinates of its two ends along the third [mm].
+
+    Raises:
+        SolidError: when nothing comes out.
+    """
+    low, high = (float(height) for height in heights)
+    upright = _surface(m3.Manifold.extrude(m3.CrossSection(list(outline)), high - low))
+    raised = upright.vertices + np.array([0.0, 0.0, low])
+    return TriMesh(raised @ axes, upright.faces)
 
 
 def genus(surface: TriMesh) -> int:

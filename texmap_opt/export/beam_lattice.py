@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from texmap_opt.errors import OutputError
-from texmap_opt.export.three_mf_package import model_text, rows_text, vertices_text, write_package
-from texmap_opt.structure.structure import Structure
+from texmap_opt.export.rows_text import rows_text
+from texmap_opt.export.three_mf_package import model_text, vertices_text, write_package
+from texmap_opt.structure.structure import WALL, Structure
 
 BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
 BALLS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/balls/2020/07"
@@ -27,6 +28,11 @@ def write_beam_lattice(path: Path, structure: Structure) -> None:
     Raises:
         OutputError: for struts that are not round, or when the file cannot be written.
     """
+    if structure.section == WALL:
+        raise OutputError(
+            f"{path}: the 3MF beam lattice knows round struts only, these are walls; write their solid "
+            "instead (texmap mesh)."
+        )
     if structure.section != "round":
         raise OutputError(
             f"{path}: the 3MF beam lattice knows round struts only, these are "

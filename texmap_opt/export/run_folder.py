@@ -13,10 +13,11 @@ from texmap_opt.export.beam_lattice import write_beam_lattice
 from texmap_opt.export.vtk import write_grid, write_stress, write_struts
 from texmap_opt.progress import Progress
 from texmap_opt.report.drawing import Drawn, draw
+from texmap_opt.report.grid_layers import hexahedra
 from texmap_opt.report.numbers import peak_memory_mb
 from texmap_opt.report.page import write_page
 from texmap_opt.report.run_plots import run_plots
-from texmap_opt.report.run_scenes import hexahedra, mean_edge, run_scenes
+from texmap_opt.report.run_scenes import mean_edge, run_scenes
 from texmap_opt.run_result import Run
 from texmap_opt.structure.structure_xml import write_structure
 from texmap_opt.warp import certificate
@@ -174,15 +175,17 @@ def _write_files(run: Run, folder: Path) -> None:
         von_mises=stress.von_mises,
     )
     grid = run.warp.grid
+    corners = hexahedra(grid)
+    shape = tuple(n - 1 for n in corners.shape[:3])
     edge, wanted = mean_edge(grid), run.warp.wanted_size
     jacobian = certificate.grid_coefficients(grid).min(axis=1)
     write_grid(
         folder / "grid.vtu",
-        nodes=hexahedra(grid),
+        nodes=corners,
         cell_data={
-            "size_mm": (edge * achieved_sizes(grid)).reshape(grid.cells),
-            "wanted_size_mm": (edge * wanted).reshape(grid.cells),
-            "min_jacobian": (jacobian / wanted**grid.dimensions).reshape(grid.cells),
+            "size_mm": (edge * achieved_sizes(grid)).reshape(shape),
+            "wanted_size_mm": (edge * wanted).reshape(shape),
+            "min_jacobian": (jacobian / wanted**grid.dimensions).reshape(shape),
         },
     )
     sized = run.filling.sized

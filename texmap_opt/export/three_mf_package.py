@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from texmap_opt.export.rows_text import rows_text
 from texmap_opt.export.whole_file import whole_file
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
-ROWS_PER_CHUNK = 50_000
 # Fastest deflate: a third of the file of none, in a fifth of the time of the default.
 COMPRESSION = 1
 # A fixed time stamp, so that equal content gives equal files; the earliest zip can hold.
@@ -84,21 +84,3 @@ def triangles_text(faces: Int[np.ndarray, "n 3"]) -> Iterator[str]:
     yield "<triangles>\n"
     yield from rows_text('<triangle v1="%d" v2="%d" v3="%d"/>\n', faces)
     yield "</triangles>\n"
-
-
-def rows_text(pattern: str, *columns: np.ndarray) -> Iterator[str]:
-    """One line a row, many rows at a time: the pattern filled in with the row's numbers."""
-    count = len(columns[0])
-    for start in range(0, count, ROWS_PER_CHUNK):
-        parts = [
-            column[start : start + ROWS_PER_CHUNK].reshape(-1, _width(column)) for column in columns
-        ]
-        rows = len(parts[0])
-        # Interleaved as Python numbers: whole ones must stay whole for %d.
-        lists = [part.tolist() for part in parts]
-        flat = [x for row in zip(*lists, strict=True) for part in row for x in part]
-        yield (pattern * rows) % tuple(flat)
-
-
-def _width(column: np.ndarray) -> int:
-    return 1 if column.ndim == 1 else column.shape[1]

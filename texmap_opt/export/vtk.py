@@ -21,6 +21,8 @@ from texmap_opt.structure.structure import Structure
 VTK_TETRA, VTK_HEXAHEDRON, VTK_QUADRATIC_TETRA = 10, 12, 24
 # Ours is xx, yy, zz, yz, xz, xy; VTK's symmetric tensor xx, yy, zz, xy, yz, xz.
 VOIGT_TO_VTK = [0, 1, 2, 5, 3, 4]
+# Arrays of struts.
+RADIUS, MEAN_RADIUS, DEPTH = "radius_mm", "mean_radius_mm", "depth_mm"
 _TYPES = {"f": "Float64", "i": "Int64", "u": "UInt8"}
 # Bytes encoded at a time: a multiple of three, so that base64 pieces join.
 _CHUNK = 3 << 20
@@ -97,7 +99,7 @@ def write_struts(
     """Writes `struts.vtp`: one line a strut, with its radius, and other numbers per strut.
 
     Joints are repeated for every strut, so that `radius_mm` can differ at the ends that meet in one
-    joint.
+    joint. Struts from a grid have the number of their `cell` and of their `kind`, walls `depth_mm`.
 
     Args:
         path: the file.
@@ -109,14 +111,18 @@ def write_struts(
     """
     count = len(structure.struts)
     ends = structure.joints[structure.struts].reshape(-1, 3)
-    cells = {"mean_radius_mm": structure.radii.mean(axis=1), **strut_data}
+    cells: dict[str, np.ndarray] = {MEAN_RADIUS: structure.radii.mean(axis=1), **strut_data}
+    if structure.origin is not None:
+        cells |= {"cell": structure.origin.cell, "kind": structure.origin.kind}
+    if structure.extrusion is not None:
+        cells[DEPTH] = structure.extrusion.depth
     with whole_file(path) as file:
         _open(file, "PolyData")
         _text(file, f'<Piece NumberOfPoints="{2 * count}" NumberOfLines="{count}">\n')
         _group(file, "Points", {"points": ends})
         connectivity = np.arange(2 * count)
         _group(file, "Lines", {"connectivity": connectivity, "offsets": connectivity[1::2] + 1})
-        _group(file, "PointData", {"radius_mm": structure.radii.reshape(-1)})
+        _group(file, "PointData", {RADIUS: structure.radii.reshape(-1)})
         _group(file, "CellData", cells)
         _text(file, "</Piece>\n</PolyData>\n</VTKFile>\n")
 

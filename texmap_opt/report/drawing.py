@@ -14,9 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from fea.effective_stiffness import DirectionalModulus
+from fea.plane_stiffness import PolarModulus
 from texmap_opt.errors import OutputError
-from texmap_opt.report.scenes import Cell, LoadedPart, PlannedPart, Scene, StiffnessSurface
+from texmap_opt.report.overlay import write_polar
+from texmap_opt.report.scenes import Cell, LoadedPart, PlannedPart, Scene, StiffnessSurface, Whole
 from texmap_opt.report.view import Eye, best_eye, eyes
+from texmap_opt.solid.extruded import extruded_solid
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.structure import Structure
 
@@ -27,6 +30,9 @@ REMEDY = (
 
 # A cell is drawn in a second or two; a first start of VTK on a cold disk takes longer.
 CELL_TIMEOUT_S = 120.0
+
+# Largest distance of the polygons at joints of walls from their circles, over the radius.
+ROUNDNESS = 0.01
 
 # Windows tells crashes by larger codes.
 LARGEST_EXIT_CODE = 255
@@ -101,13 +107,21 @@ def draw(
     )
 
 
+def cell_scene(structure: Structure) -> Cell | Whole:
+    """One unit cell, or a block of them: struts in their cube, or the solid of their walls."""
+    if structure.extrusion is None:
+        return Cell(structure.joints, structure.struts, structure.radii)
+    tolerance = ROUNDNESS * float(structure.radii.max())
+    return Whole(extruded_solid(structure, structure.extrusion, tolerance_mm=tolerance))
+
+
 def draw_cell(structure: Structure, png: Path) -> None:
     """Draw one unit cell.
 
     Raises:
         OutputError: when this machine cannot draw, or the file cannot be written.
     """
-    _draw_one(Cell(structure.joints, structure.struts, structure.radii), png)
+    _draw_one(cell_scene(structure), png)
 
 
 def draw_stiffness(modulus: DirectionalModulus, png: Path, *, quantity: str) -> None:
@@ -124,6 +138,23 @@ def draw_stiffness(modulus: DirectionalModulus, png: Path, *, quantity: str) -> 
     # Over its largest value: pictures do not depend on the unit.
     surface = TriMesh(modulus.vertices / modulus.E.max(), modulus.faces)
     _draw_one(StiffnessSurface(surface, modulus.E, quantity), png)
+
+
+def draw_polar_stiffness(modulus: PolarModulus, png: Path, *, quantity: str) -> None:
+    """Draw Young's modulus over all directions of the plane, as a curve round the origin.
+
+    Args:
+        modulus: the curve.
+        png: where the picture goes.
+        quantity: what the modulus is.
+
+    Raises:
+        OutputError: when the file cannot be written.
+    """
+    try:
+        write_polar(modulus.angle, modulus.E, png, quantity=quantity)
+    except OSError as failure:
+        raise OutputError(f"{png} cannot be written: {failure.strerror}.") from failure
 
 
 def _draw_one(scene: Scene, png: Path) -> None:

@@ -56,6 +56,14 @@ def grid_layers(
     return tuple(layers)
 
 
+def hexahedra(grid: Grid) -> Float[np.ndarray, "i j k 3"]:
+    """Corners of the cells in space [mm]; extruded cells reach through the box."""
+    if grid.dimensions == 3:
+        return grid.positions
+    ends = (grid.box.bounds[:, 2] - grid.box.bounds[:, 2].mean())[:, None] * grid.box.axes[2]
+    return grid.positions[:, :, None] + ends
+
+
 def plane_section(
     surface: TriMesh, heights: Float[np.ndarray, " vertices"]
 ) -> Float[np.ndarray, "_ 2 3"]:

@@ -18,6 +18,7 @@ from texmap_opt.part_file import open_edges
 from texmap_opt.progress import Progress
 from texmap_opt.report.warp_numbers import warp_numbers
 from texmap_opt.run_result import Run
+from texmap_opt.structure.structure import Structure
 
 # g in one tonne, for masses.
 GRAM_PER_TONNE = 1e6
@@ -115,6 +116,28 @@ def _structure(run: Run) -> dict[str, Any]:
         "connected_components": _pieces(run),
         "total_length_mm": float(structure.lengths().sum()),
         "trimmed": asdict(run.trimmed.counts),
+        "struts_of_kind": _struts_of_kind(structure),
+        "interfaces": [interface.numbers() for interface in run.interfaces],
+    } | _walls(structure)
+
+
+def _struts_of_kind(structure: Structure) -> dict[str, int]:
+    """Number of struts of each unit cell, and of those that join two."""
+    origin = structure.origin
+    if origin is None:
+        return {}
+    counts = np.bincount(origin.kind, minlength=len(origin.kinds))
+    return dict(zip(origin.kinds, counts.tolist(), strict=True))
+
+
+def _walls(structure: Structure) -> dict[str, Any]:
+    """What makes walls of the struts; nothing where they are bars."""
+    walls = structure.extrusion
+    if walls is None:
+        return {}
+    return {
+        "extrusion_axis": walls.axis.tolist(),
+        "mean_depth_mm": float(np.average(walls.depth, weights=structure.lengths())),
     }
 
 
@@ -164,7 +187,15 @@ def _joint_model(run: Run) -> dict[str, Any] | None:
     if filling.model is None or filling.model.zones is None:
         return None
     zones = filling.model.zones
-    return asdict(zones.model) | {"thicker_share": zones.thicker(filling.structure.radii)}
+    models = list(zones.models.values())
+    return {
+        "cells": list(zones.models),
+        "rigid_end": [model.rigid_end for model in models],
+        "modulus": [model.modulus for model in models],
+        "slenderness": [model.slenderness for model in models],
+        "error": [model.error for model in models],
+        "thicker_share": zones.thicker(filling.structure.radii),
+    }
 
 
 def _sizing(run: Run) -> dict[str, Any]:

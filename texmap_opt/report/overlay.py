@@ -10,6 +10,10 @@ from jaxtyping import Bool, Float
 INK = "#22292f"
 DPI = 100
 
+# Of a curve in a picture of its own, and the size of that.
+CURVE = "#1f6fd6"
+POLAR_INCHES = (7.0, 7.0)
+
 SECTION_COLOUR = "#e39a4f"
 SECTION_EDGE_COLOUR = "#9a5a1c"
 
@@ -117,6 +121,42 @@ def write_picture(pixels: Float[np.ndarray, "h w 3"], overlay: Overlay, png: Pat
         _spot(figure, 0.032, y, number, colour)
         figure.text(0.052, y, text, color=INK, fontsize=13, va="center", ha="left")
     half_written = png.with_suffix(".part")
+    canvas.print_figure(half_written, format="png", dpi=DPI)
+    half_written.replace(png)
+
+
+def write_polar(
+    angle: Float[np.ndarray, " samples"],
+    values: Float[np.ndarray, " samples"],
+    png: Path,
+    *,
+    quantity: str,
+) -> None:
+    """Write a curve round the origin, its distance the value; the file appears whole or not at all.
+
+    Args:
+        angle: to x [rad], over a whole turn.
+        values: above zero.
+        png: the file.
+        quantity: what the values are; lines end with a newline.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    figure = Figure(figsize=POLAR_INCHES, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    axes: Any = figure.add_subplot(projection="polar")
+    closed = [np.append(each, each[0]) for each in (angle, values)]
+    axes.fill(*closed, color=CURVE, alpha=0.25, linewidth=0)
+    axes.plot(*closed, color=CURVE, linewidth=2.5)
+    axes.set_rlim(0, 1.08 * float(values.max()))
+    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    axes.set_thetagrids([0, 45, 90, 135, 180, 225, 270, 315], ["x", "", "y", "", "", "", "", ""])
+    axes.tick_params(labelsize=13, labelcolor=INK)
+    axes.set_rlabel_position(22)
+    axes.set_title(quantity.replace("\n", " "), color=INK, fontsize=14, weight="bold")
+    half_written = png.with_name(png.name + ".part")
     canvas.print_figure(half_written, format="png", dpi=DPI)
     half_written.replace(png)
 

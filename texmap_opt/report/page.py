@@ -21,9 +21,10 @@ JPEG_QUALITY = 90
 
 CAPTIONS = {
     "load": "The part under load, coloured by von Mises stress; supports blue, loads red.",
-    "grid": "Cells that meet the part, coloured by size; the octant in front is left out.",
+    "grid": "Cells that meet the part, coloured by size; of a grid in three dimensions the octant in "
+    "front is left out.",
     "size-error": "The same cells by achieved over wanted size: red too large, blue too small.",
-    "radius": "Struts coloured by radius.",
+    "radius": "Struts coloured by radius, walls by half their thickness.",
     "utilisation": "Struts coloured by utilisation: worst stress in the section over yield.",
     "cut": "The result cut open; the section is orange.",
     "whole": "The result.",

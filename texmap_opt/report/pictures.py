@@ -36,8 +36,8 @@ from texmap_opt.report.scenes import (
     WarpedGrid,
     Whole,
 )
-from texmap_opt.report.tubes import joint_radii, tube_values, tubes
-from texmap_opt.report.view import HALF_ANGLE_DEG, Eye, Frame, fitted_view
+from texmap_opt.report.tubes import LINES_ABOVE, coloured_struts, joint_radii, tubes
+from texmap_opt.report.view import HALF_ANGLE_DEG, Eye, Frame, eye_along, fitted_view
 from texmap_opt.solid.tri_mesh import TriMesh
 
 WIDTH, HEIGHT = 1200, 900
@@ -51,6 +51,9 @@ LOAD_COLOUR = "#d62828"
 EDGE_COLOUR = "#2b333b"
 BEHIND_COLOUR = "#93a2b1"
 
+# Opacity of the part around its cells; around cells that reach through it all.
+VEIL, LIGHT_VEIL = 0.25, 0.1
+
 # Numbers on the picture keep this distance [pixels].
 BADGE_GAP = 34
 
@@ -61,14 +64,8 @@ MATT: dict[str, Any] = {"ambient": 0.2, "diffuse": 0.85, "specular": 0.12, "spec
 # Edges sharper than this are drawn as lines [degrees].
 SHARP_DEG = 35
 
-# Room on the right for a colour bar, at the top for a legend.
-BESIDE_BAR = Frame(right=0.83)
-PLAIN = Frame()
-
-# Up to so many struts tubes have so many sides: a strut of a large lattice is a few pixels wide.
-SIDES = ((3_000, 20), (20_000, 10), (80_000, 6), (200_000, 4))
-# Above, they are lines.
-LINES_ABOVE = SIDES[-1][0]
+# Room on the right for a colour bar; and none.
+BESIDE_BAR, PLAIN = Frame(right=0.83), Frame()
 
 
 def main(job: Path) -> None:
@@ -140,8 +137,7 @@ def _look(plotter: pv.Plotter, points: np.ndarray, eye: Eye, frame: Frame) -> No
 
 def _shade_gaps(plotter: pv.Plotter, reach: float) -> None:
     # Darker corners and gaps make the depth of a lattice readable; `reach` in mm.
-    ssao = {"radius": reach, "bias": 0.03 * reach, "kernel_size": 48, "blur": True}
-    plotter.enable_ssao(**ssao)  # pyright: ignore[reportCallIssue]
+    plotter.enable_ssao(radius=reach, bias=0.03 * reach, kernel_size=48, blur=True)  # pyright: ignore[reportCallIssue]
 
 
 def _poly(surface: TriMesh) -> pv.PolyData:
@@ -256,13 +252,15 @@ def _warped_grid(plotter: pv.Plotter, scene: WarpedGrid, eye: Eye) -> Overlay:
     bar = Bar(scene.quantity, "viridis_r" if scene.middle is None else DIVERGING, *scale)
     thin = 0.8 * SUPERSAMPLING
     _add_coloured(plotter, skin, bar, show_edges=True, edge_color=EDGE_COLOUR, line_width=thin)
-    _add(plotter, _poly(scene.part), color="white", opacity=0.25)
+    veil = LIGHT_VEIL if 1 in scene.values.shape else VEIL
+    _add(plotter, _poly(scene.part), color="white", opacity=veil)
     _sharp_edges(plotter, scene.part)
     _look(plotter, np.concatenate([skin.points, scene.part.vertices]), eye, BESIDE_BAR)
     return Overlay(bar)
 
 
 def _struts(plotter: pv.Plotter, scene: Struts, eye: Eye) -> Overlay:
+    eye = eye if scene.axis is None else eye_along(scene.axis, eye)
     title = f"{scene.quantity}\n[{scene.unit}]" if scene.unit else scene.quantity
     low, high, beyond = colour_range(scene.values.ravel(), from_zero=scene.limit is not None)
     bar = Bar(title, "viridis", low, high, beyond)
@@ -277,16 +275,17 @@ def _struts(plotter: pv.Plotter, scene: Struts, eye: Eye) -> Overlay:
         lines = pv.line_segments_from_points(ends)
         lines.point_data["values"] = scene.values.ravel()
         _add_coloured(plotter, lines, bar, line_width=1.5 * SUPERSAMPLING, lighting=False)
+        seen = scene.joints
     else:
-        sides = next(sides for most, sides in SIDES if len(scene.struts) <= most)
-        shape, normals = tubes(scene.joints, scene.struts, scene.radii, sides=sides)
+        shape, normals, values = coloured_struts(scene)
         mesh = _poly(shape)
-        mesh.point_data["values"] = tube_values(scene.values, sides=sides)
+        mesh.point_data["values"] = values
         mesh.point_data.active_normals = normals
         _add_coloured(plotter, mesh, bar)
+        seen = shape.vertices
         typical = np.linalg.norm(np.diff(scene.joints[scene.struts], axis=1), axis=-1)
         _shade_gaps(plotter, 0.5 * float(np.median(typical)))
-    _look(plotter, scene.joints, eye, BESIDE_BAR)
+    _look(plotter, seen, eye, BESIDE_BAR)
     return Overlay(bar)
 
 
@@ -365,8 +364,9 @@ def _planned_part(plotter: pv.Plotter, scene: PlannedPart, eye: Eye) -> Overlay:
     glyphs = _marks(plotter, scene.marks, scene.part, filled=True)
     for axis in range(3):
         # The three faces of the grid behind the part.
-        index = 0 if eye.direction[axis] > 0 else -1
-        face = np.take(scene.grid, [index], axis=axis)
+        ends = np.take(scene.grid, [0, -1], axis=axis)
+        far = 0 if np.diff(ends, axis=axis).mean(axis=(0, 1, 2)) @ eye.direction > 0 else 1
+        face = np.take(ends, [far], axis=axis)
         sheet = pv.StructuredGrid(*np.moveaxis(face, -1, 0)).extract_all_edges()
         _add_lines(plotter, sheet, 0.7, color=BEHIND_COLOUR)
     seen = [scene.grid.reshape(-1, 3), *(glyph.shape.vertices for glyph in glyphs)]

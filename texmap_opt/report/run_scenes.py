@@ -1,9 +1,11 @@
 """The pictures of a run: which values each of them shows."""
 
+from dataclasses import replace
+
 import numpy as np
-from jaxtyping import Float
 
 from texmap_opt.case import Load, Support
+from texmap_opt.report.grid_layers import hexahedra
 from texmap_opt.report.marks import mark_of
 from texmap_opt.report.scenes import (
     CutOpen,
@@ -18,6 +20,7 @@ from texmap_opt.report.scenes import (
 from texmap_opt.run_result import Run
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.stress_field import StressField, selected_facets
+from texmap_opt.structure.structure import Structure
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.quality import achieved_sizes
 
@@ -53,15 +56,27 @@ def run_scenes(run: Run) -> dict[str, Scene]:
         ),
     }
     structure, sized = run.filling.structure, run.filling.sized
-    scenes["radius"] = Struts(
-        structure.joints, structure.struts, structure.radii, structure.radii, "strut radius", "mm"
-    )
+    scenes["radius"] = _struts(structure)
     if sized is not None and sized.utilisation is not None:
         worst = np.repeat(sized.utilisation[:, None], 2, axis=1)
-        scenes["utilisation"] = Struts(
-            structure.joints, structure.struts, structure.radii, worst, "utilisation", "", limit=1.0
+        scenes["utilisation"] = replace(
+            scenes["radius"], values=worst, quantity="utilisation", unit="", limit=1.0
         )
     return scenes | {"cut": CutOpen(run.solid.surface), "whole": Whole(run.solid.surface)}
+
+
+def _struts(structure: Structure) -> Struts:
+    """Struts by their radius; walls by half their thickness."""
+    walls = structure.extrusion
+    return Struts(
+        structure.joints,
+        structure.struts,
+        structure.radii,
+        structure.radii,
+        "strut radius" if walls is None else "half the wall's\nthickness",
+        "mm",
+        axis=None if walls is None else walls.axis,
+    )
 
 
 def _numbered(run: Run) -> list[tuple[int | None, Support | Load]]:
@@ -89,14 +104,6 @@ def _mark(stress: StressField, number: int | None, action: Support | Load) -> Ma
     else:
         label = f"{name} ({action.case}): {np.linalg.norm(force):.4g} N on {area:.4g} mm²"
     return mark_of(action, patch, label, force)
-
-
-def hexahedra(grid: Grid) -> Float[np.ndarray, "i j k 3"]:
-    """Corners of the cells in space [mm]; extruded cells reach through the box."""
-    if grid.dimensions == 3:
-        return grid.positions
-    ends = (grid.box.bounds[:, 2] - grid.box.bounds[:, 2].mean())[:, None] * grid.box.axes[2]
-    return grid.positions[:, :, None] + ends
 
 
 def mean_edge(grid: Grid) -> float:

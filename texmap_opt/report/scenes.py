@@ -79,7 +79,7 @@ class WarpedGrid:
 
 @dataclass(frozen=True, eq=False)
 class Struts:
-    """Struts as tubes of their own radius, coloured by a value at their two ends.
+    """Struts as tubes of their own radius, or walls seen along them, coloured by a value at both ends.
 
     Attributes:
         joints: positions [mm].
@@ -89,6 +89,7 @@ class Struts:
         quantity: name for the colour bar, such as "strut radius".
         unit: of the values; empty for none.
         limit: a value not to be exceeded; what lies above it is drawn red.
+        axis: of walls, that of their extrusion, along which they are seen; None: they are tubes.
     """
 
     joints: Float[np.ndarray, "joints 3"]
@@ -98,6 +99,7 @@ class Struts:
     quantity: str
     unit: str
     limit: float | None = None
+    axis: Float[np.ndarray, "3"] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,7 +57,9 @@ def quantity(unit: str, figures: int = 4) -> Callable[[Any], str]:
 
 
 def percent(value: Any) -> str:
-    """A fraction in percent."""
+    """A fraction in percent, or a list of them."""
+    if isinstance(value, list | tuple):
+        return ", ".join(percent(one) for one in value)
     return f"{digits(100 * float(value), 3)} %"
 
 
@@ -88,6 +90,22 @@ def text(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(text(one) for one in value)
     return escape(str(value))
+
+
+def counts(value: Any) -> str:
+    """Numbers of things by their names."""
+    return ", ".join(f"{escape(str(name))} {count(number)}" for name, number in value.items())
+
+
+def interfaces(value: Any) -> str:
+    """How kinds of unit cells were joined, one line for each two kinds."""
+    lines = [
+        f"{escape(' | '.join(one['kinds']))}: {escape(one['method'])} ({count(one['faces'])} faces, "
+        f"{count(one['shared_joints'])} shared joints, {count(one['split_struts'])} split struts, "
+        f"{count(one['transition_struts'])} transition struts)"
+        for one in value
+    ]
+    return "<br>".join(lines) or "nowhere"
 
 
 def table(section: Mapping[str, Any], rows: tuple[Row, ...]) -> str:
@@ -175,8 +193,12 @@ STRUCTURE = (
     Row("cells_mm", "uniform cell", quantity("mm", 3)),
     Row("joints", "joints", count),
     Row("struts", "struts", count),
+    Row("struts_of_kind", "struts of each kind", counts),
+    Row("interfaces", "kinds of cells meet", interfaces),
     Row("connected_components", "connected components", one_wanted),
     Row("total_length_mm", "total strut length", quantity("mm")),
+    Row("extrusion_axis", "walls extruded along", quantity("", 3)),
+    Row("mean_depth_mm", "mean depth of the walls in the part", quantity("mm", 3)),
 )
 SIZING = (
     Row("method", "method", text),
@@ -201,6 +223,7 @@ SKIN = (
     Row("tied_joints", "strut ends that it holds", count),
 )
 JOINT_MODEL = (
+    Row("cells", "of unit cells", text),
     Row("rigid_end", "rigid end of a strut over its radius", quantity("", 3)),
     Row("modulus", "change of modulus over radius/length", quantity("", 3)),
     Row("slenderness", "fitted up to a radius/length of", quantity("", 3)),

@@ -1,12 +1,37 @@
-"""Struts as triangles to look at: fast, and not a solid."""
+"""Struts and walls as triangles to look at: fast, and not a solid."""
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from texmap_opt.report.scenes import Struts
 from texmap_opt.solid.tri_mesh import TriMesh
+
+# Up to so many struts tubes have so many sides: a strut of a large lattice is a few pixels wide.
+SIDES = ((3_000, 20), (20_000, 10), (80_000, 6), (200_000, 4))
+# Above, they are lines.
+LINES_ABOVE = SIDES[-1][0]
 
 # Directions closer to the reference axis than this get the other one (cosine).
 NEARLY_PARALLEL = 0.9
+# Corners of a wall's six sides, counter-clockwise seen from outside. A corner's number has a bit for the
+# second joint, the left side, the upper end.
+WALL_SIDES = np.array(
+    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+)
+
+
+def coloured_struts(
+    scene: Struts,
+) -> tuple[TriMesh, Float[np.ndarray, "vertices 3"], Float[np.ndarray, " vertices"]]:
+    """Triangles of a scene's tubes or walls, the normals to shade their vertices with, and values."""
+    if scene.axis is not None:
+        # Flat, so that walls behind each other in perspective do not hide what they are coloured by.
+        rise = float(scene.radii.max()) * scene.axis
+        shape, normals = walls(scene.joints, scene.struts, scene.radii, rise)
+        return shape, normals, wall_values(scene.values)
+    sides = next(sides for most, sides in SIDES if len(scene.struts) <= most)
+    shape, normals = tubes(scene.joints, scene.struts, scene.radii, sides=sides)
+    return shape, normals, tube_values(scene.values, sides=sides)
 
 
 def tubes(
@@ -50,6 +75,48 @@ def tube_values(
     first, second = values[:, :1], values[:, 1:]
     ring = [np.repeat(side, sides, axis=1) for side in (first, second, first, second)]
     return np.concatenate([*ring, first, second], axis=1).ravel()
+
+
+def walls(
+    joints: Float[np.ndarray, "joints 3"],
+    struts: Int[np.ndarray, "struts 2"],
+    radii: Float[np.ndarray, "struts 2"],
+    rise: Float[np.ndarray, "3"],
+) -> tuple[TriMesh, Float[np.ndarray, "vertices 3"]]:
+    """Boxes around the middles of walls, all of the same height.
+
+    Args:
+        joints: half way along the extrusion [mm].
+        struts: the two joints of each wall.
+        radii: half its thickness at the two [mm].
+        rise: from the middle of the walls to their upper ends [mm].
+
+    Returns:
+        The triangles, and the normals to shade their vertices with. Each wall has 24 vertices, as
+        each of its six sides has its own.
+    """
+    start, end = np.moveaxis(joints[struts], 1, 0)
+    left = np.cross(rise, end - start)
+    left /= np.maximum(np.linalg.norm(left, axis=1, keepdims=True), np.finfo(float).tiny)
+    corners = [
+        joint + side * radius * left + up * rise
+        for joint, radius in ((start, radii[:, :1]), (end, radii[:, 1:]))
+        for side in (-1, 1)
+        for up in (-1, 1)
+    ]
+    sides = np.stack(corners, axis=1)[:, WALL_SIDES]
+    normals = np.cross(sides[:, :, 1] - sides[:, :, 0], sides[:, :, 3] - sides[:, :, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), np.finfo(float).tiny)
+    first = 4 * np.arange(6 * len(struts))[:, None, None]
+    faces = first + np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = TriMesh(sides.reshape(-1, 3), faces.reshape(-1, 3))
+    return mesh, np.repeat(normals.reshape(-1, 3), 4, axis=0)
+
+
+def wall_values(values: Float[np.ndarray, "struts 2"]) -> Float[np.ndarray, " vertices"]:
+    """Values at the ends of the walls, at the vertices of `walls`."""
+    # The first four corners belong to the first joint.
+    return values[:, WALL_SIDES // 4].ravel()
 
 
 def _faces(sides: int) -> np.ndarray:

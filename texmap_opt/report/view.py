@@ -87,6 +87,20 @@ def best_eye(extent: Float[np.ndarray, "3"], marks: Sequence[Mark], up: int | No
     return candidates[int(np.argmax(score.round(6)))]
 
 
+def eye_along(axis: Float[np.ndarray, "3"], eye: Eye) -> Eye:
+    """The eye that looks along an axis, from the side on which another eye is.
+
+    What is upright for that is so for this; y where this looks straight down.
+
+    Args:
+        axis: of any length but zero.
+        eye: the other one.
+    """
+    direction = _unit(axis) * (1.0 if axis @ eye.direction >= 0 else -1.0)
+    up = eye.up if abs(direction @ eye.up) < UPRIGHT else np.eye(3)[1]
+    return Eye(direction, _unit(up - (up @ direction) * direction))
+
+
 def upright_axis(marks: Sequence[Mark]) -> int:
     """1 for a part that stands on its lower y side and is pressed down on it, else 2.
 

@@ -57,7 +57,7 @@ class MovingAsymptotes(AbstractSizing):
         best = problem.solve(problem.at_volume(unit * found), path.now.solution)
         ending = "Converged in" if converged else "Stopped, still improving, after"
         return problem.finished(
-            best,
+            best.solution,
             before=start.compliance,
             history=path.history,
             converged=converged,

@@ -14,9 +14,11 @@ from texmap_opt.frame_model import FrameModel
 from texmap_opt.sizing.problem import SizedFrame, SizingProblem
 from texmap_opt.sizing.sized import AbstractSizing, Sized, SizingLimits
 
-# Area follows B^(1/2), which is exact in one step for a statically determinate truss; hence the
-# radius follows B^(1/4). In pure bending it overshoots by half and still converges.
-EXPONENT = 0.25
+# The radius follows B to a power, by the power of the radius that a strut's volume follows. Bars: area
+# follows B^(1/2), which is exact in one step for a statically determinate truss; in pure bending it
+# overshoots by half and still converges. Walls: 1/2 would be exact for the truss, and 1/4 in pure
+# bending, where 1/2 goes to and fro for ever; 1/3 leaves a third of the way in either.
+EXPONENT = {2: 1 / 4, 1: 1 / 3}
 
 # Slope of volume in a radius, at least this share of that of the strut alone: struts buried in a
 # joint would cost nothing.
@@ -75,7 +77,7 @@ class OptimalityCriteria(AbstractSizing):
                 )
                 break
         return problem.finished(
-            best, before=before, history=history[1:], converged=converged, message=message
+            best.solution, before=before, history=history[1:], converged=converged, message=message
         )
 
     def _step(
@@ -83,21 +85,24 @@ class OptimalityCriteria(AbstractSizing):
     ) -> Float[np.ndarray, " struts"]:
         """The next radii, at the wanted volume."""
         volume, slope = problem.volume_gradient(radius)
-        alone = 2 * np.pi * radius * problem.model.structure.lengths()
-        slope = np.maximum(slope, LEAST_SLOPE * alone)
+        slope = np.maximum(slope, LEAST_SLOPE * problem.own_slope(radius))
+        degree = problem.measure.degree
+        exponent = EXPONENT[degree]
         # Own weight can make a strut's thickening harmful; it then shrinks as fast as allowed.
         pull = np.maximum(-now.gradient, 0.0) / slope
         low = np.maximum(radius / (1 + self.move), problem.lower)
         high = np.minimum(radius * (1 + self.move), problem.upper)
 
-        drawn = radius * pull**EXPONENT
+        drawn = radius * pull**exponent
+        # Volume is linear in r², of walls in r, which is exact but for the overlaps; `at_volume`
+        # does the rest.
+        slope = slope / (degree * radius ** (degree - 1))
 
         def stepped(log_multiplier: float) -> Float[np.ndarray, " struts"]:
-            return np.clip(drawn * np.exp(-EXPONENT * log_multiplier), low, high)
+            return np.clip(drawn * np.exp(-exponent * log_multiplier), low, high)
 
         def excess(trial: Float[np.ndarray, " struts"]) -> float:
-            # Linear in r², which is exact but for the overlaps; `at_volume` does the rest.
-            return volume + float(slope @ ((trial**2 - radius**2) / (2 * radius))) - problem.volume
+            return volume + float(slope @ (trial**degree - radius**degree)) - problem.volume
 
         centre = float(np.log(max(pull.max(), np.finfo(float).tiny)))
         below, above = centre - LOG_BRACKET, centre + LOG_BRACKET

@@ -119,6 +119,11 @@ class SizingProblem:
         """Overlap-corrected volume [mm³]."""
         return float(self.measure(self.model.structure.joints, _both_ends(radius)))
 
+    def own_slope(self, radius: Float[np.ndarray, " struts"]) -> Float[np.ndarray, " struts"]:
+        """Derivative of each strut's own volume, overlaps apart, in its radius [mm²]."""
+        own = self.measure.strut_volumes(self.model.structure.joints, _both_ends(radius))
+        return self.measure.degree * np.asarray(own) / radius
+
     def volume_gradient(
         self, radius: Float[np.ndarray, " struts"]
     ) -> tuple[float, Float[np.ndarray, " struts"]]:
@@ -140,7 +145,7 @@ class SizingProblem:
         before, now = (1.0, excess(1.0)), (1.0, 0.0)
         if abs(before[1]) <= VOLUME_RTOL:
             return scaled(1.0)
-        factor = float(np.clip((1 + before[1]) ** -0.5, low, high))
+        factor = float(np.clip((1 + before[1]) ** (-1 / self.measure.degree), low, high))
         for _ in range(MAX_STEPS):
             now = (factor, excess(factor))
             if abs(now[1]) <= VOLUME_RTOL:
@@ -166,33 +171,33 @@ class SizingProblem:
 
     def finished(
         self,
-        best: SizedFrame,
+        solution: FrameSolution,
         *,
         before: float,
         history: list[float],
         converged: bool,
         message: str,
     ) -> Sized:
-        """The result of an optimiser that ended at `best`.
+        """The result of a way of sizing.
 
         Args:
-            best: the solved frame of least compliance.
+            solution: the frame with the final radii, solved.
             before: compliance of equal radii [N mm].
             history: compliance of each iteration [N mm].
             converged: whether the optimiser stopped by itself.
             message: how it ended.
         """
-        radii = best.solution.problem.radii
+        radii = solution.problem.radii
         return Sized(
             structure=self.model.structure.with_radii(radii),
-            solution=best.solution,
+            solution=solution,
             iterations=len(history),
             converged=converged,
             compliance_before=before,
-            compliance_after=best.compliance,
+            compliance_after=float(solution.compliance.sum()),
             volume=float(self.measure(self.model.structure.joints, radii)),
             history=np.array(history),
-            strength=Strength.of(self.model, best.solution),
+            strength=Strength.of(self.model, solution),
             message=message,
         )
 

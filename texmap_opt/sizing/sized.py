@@ -36,7 +36,7 @@ class Strength:
     Attributes:
         utilisation: von Mises stress over yield of each strut; None without a yield stress.
         euler_utilisation: compressive force of each strut over its Euler load, ends hinged; zero for
-            struts along the skin, which cannot buckle by themselves.
+            struts along the skin, which cannot buckle by themselves. Walls buckle in their plane.
         skin_von_mises: von Mises stress of each triangle of the skin [MPa], at the worst of bottom,
             middle and top; None without a skin.
     """
@@ -50,7 +50,7 @@ class Strength:
         """Of a solved frame.
 
         Where the skin holds part of a strut's section, the frame's strut is the rest with the whole
-        section's area; its stress is that of the rest.
+        section's area; its stress is that of the rest. Walls have a section of unit depth there.
 
         Args:
             model: what was solved.
@@ -61,7 +61,7 @@ class Strength:
         return cls(
             utilisation=None
             if yield_stress is None
-            else utilisation(solution, yield_stress) / share,
+            else utilisation(solution, yield_stress) / (share * model.section_depths),
             euler_utilisation=np.where(share < 1, 0.0, buckling_utilisation(solution)),
             skin_von_mises=_skin_von_mises(solution),
         )

@@ -1,9 +1,10 @@
-"""The lattice as one solid: lofted struts and spherical joints, united."""
+"""The lattice as one solid: lofted struts and spherical joints, or extruded walls, united."""
 
 import numpy as np
 
 from texmap_opt.combine.boolean import union
 from texmap_opt.errors import LatticeError
+from texmap_opt.solid.extruded import extruded_solid
 from texmap_opt.solid.joints import ball_within, balls
 from texmap_opt.solid.struts import lofts, round_ring, segments_within, square_ring
 from texmap_opt.solid.tri_mesh import TriMesh
@@ -17,18 +18,23 @@ def lattice_solid(
 
     Struts are polygons of the circle's area (or squares), so that their volume is right; joints are
     spheres that contain the ends of their struts. Everything is turned deterministically, so that
-    no facets coincide.
+    no facets coincide. For walls see `extruded_solid`.
 
     Args:
         structure: joints, struts and radii [mm].
         tolerance_mm: largest distance of a polygon from its circle, for the thickest strut.
-        segments: sides of a round strut; absent: as many as `tolerance_mm` asks for (8 to 24).
+        segments: sides of a round strut, or of the joints of walls; absent: as many as
+            `tolerance_mm` asks for (8 to 24).
 
     Raises:
         LatticeError: for no struts, a radius that is not positive, or a strut without length.
         SolidError: when the union fails.
     """
     _check(structure)
+    if structure.extrusion is not None:
+        return extruded_solid(
+            structure, structure.extrusion, tolerance_mm=tolerance_mm, segments=segments
+        )
     thickest = float(structure.radii.max())
     round_section = structure.section == "round"
     sides = segments or segments_within(tolerance_mm, thickest)

@@ -9,31 +9,30 @@ import itertools
 import numpy as np
 from jaxtyping import Float, Int
 
-from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.errors import CaseError, nearest_name
-from texmap_opt.structure.structure import Structure
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.structure import Origin, Structure
+from texmap_opt.structure.tile import Net
 from texmap_opt.warp.cell_corners import Kind, side
 
 RADIUS_MODES = ("constant", "scaled")
 
 
 def map_structure(
-    cell: UnitCell,
-    grid_nodes: Float[np.ndarray, "_ _ _ 3"],
+    net: Net,
+    grid_nodes: Float[np.ndarray, "*nodes 3"],
     radius: float,
     *,
     radius_mode: str = "constant",
     section: str | None = None,
 ) -> Structure:
-    """Fill every hexahedron of a grid with a unit cell.
+    """Fill the cells of a grid with a net of unit cells.
 
-    Each joint goes where the trilinear map of its hexahedron takes it; struts stay straight.
-    Neighbours agree on shared joints, because on a face the map depends on that face's nodes only.
+    Each joint goes where the multilinear map of its cell takes it; struts stay straight. Neighbours
+    agree on shared joints, because on a face the map depends on that face's nodes only.
 
     Args:
-        cell: the unit cell.
-        grid_nodes: nodes of the grid [mm], indexed along the three grid directions.
+        net: as many cells along each direction as the grid has.
+        grid_nodes: positions of the grid's nodes [mm], indexed along its two or three directions.
         radius: strut radius [mm]; times the cell file's relative radius of each strut.
         radius_mode: "constant", or "scaled": times the size of the warped cell.
         section: "round" or "square"; None takes the cell's own.
@@ -47,8 +46,6 @@ def map_structure(
         )
     if not (np.isfinite(radius) and radius > 0):
         raise CaseError(f"radius_mm is {radius:g} mm; it must be a positive number.")
-    nx, ny, nz = (n - 1 for n in grid_nodes.shape[:3])
-    net = tile(cell, (nx, ny, nz))
     cell_size = mapped_sizes(net, grid_nodes)
     radii = radius * net.relative_radius
     if radius_mode == "scaled":
@@ -59,16 +56,17 @@ def map_structure(
         radii=np.repeat(radii[:, None], 2, axis=1),
         cut=np.zeros(len(net.joints), bool),
         cell_size=cell_size,
-        section=cell.section if section is None else section,
+        section=net.section if section is None else section,
+        origin=Origin(net.cell, net.kind, net.kinds),
     )
 
 
-def mapped_joints(net: Net, nodes: Float[Kind, "_ _ _ 3"]) -> Float[Kind, "joints 3"]:
+def mapped_joints(net: Net, nodes: Float[Kind, "*nodes 3"]) -> Float[Kind, "joints 3"]:
     """Where the grid's nodes [mm] take the joints of a net [mm]."""
     return multilinear(nodes, net.joint_cell, net.joint_local)
 
 
-def mapped_sizes(net: Net, nodes: Float[Kind, "_ _ _ 3"]) -> Float[Kind, " struts"]:
+def mapped_sizes(net: Net, nodes: Float[Kind, "*nodes 3"]) -> Float[Kind, " struts"]:
     """Mean of `cell_sizes` over the cells that share each strut of a net."""
     xp = nodes.__array_namespace__()
     sharing = net.sharing
@@ -78,10 +76,10 @@ def mapped_sizes(net: Net, nodes: Float[Kind, "_ _ _ 3"]) -> Float[Kind, " strut
 
 
 def multilinear(
-    nodes: Float[Kind, "*nodes d"],
+    nodes: Float[Kind, "*nodes space"],
     cell: Int[np.ndarray, "samples d"],
     local: Float[np.ndarray, "samples d"],
-) -> Float[Kind, "samples d"]:
+) -> Float[Kind, "samples space"]:
     """Positions of points given by their cell and their coordinates in it, 0 to 1.
 
     Args:
@@ -89,13 +87,14 @@ def multilinear(
         cell: index of the cell along each grid direction.
         local: coordinates in the cell.
     """
-    *shape, d = nodes.shape
+    *shape, space = nodes.shape
+    d = len(shape)
     # Distance in the flat array of two nodes that are neighbours along each direction.
     stride = np.cumprod([1, *shape[:0:-1]])[::-1]
-    first, flat = cell @ stride, nodes.reshape(-1, d)
+    first, flat = cell @ stride, nodes.reshape(-1, space)
     sides = [(1 - local[:, axis], local[:, axis]) for axis in range(d)]
 
-    def share(corner: tuple[int, ...]) -> Float[Kind, "samples d"]:
+    def share(corner: tuple[int, ...]) -> Float[Kind, "samples space"]:
         weight = np.prod([sides[axis][side] for axis, side in enumerate(corner)], axis=0)
         return weight[:, None] * flat[first + np.array(corner) @ stride]
 
@@ -106,7 +105,7 @@ def multilinear(
     return position
 
 
-def cell_sizes(nodes: Float[Kind, "*nodes d"]) -> Float[Kind, "*cells"]:
+def cell_sizes(nodes: Float[Kind, "*nodes space"]) -> Float[Kind, "*cells"]:
     """Size of each warped cell relative to a uniform one; 1 in a uniform grid.
 
     The mean over its edges, twelve or four, of edge length over the uniform edge in the same grid
@@ -119,7 +118,7 @@ def cell_sizes(nodes: Float[Kind, "*nodes d"]) -> Float[Kind, "*cells"]:
         nodes: of the grid [mm]; two grid directions or three.
     """
     xp = nodes.__array_namespace__()
-    d = nodes.shape[-1]
+    d = nodes.ndim - 1
     corners = nodes[np.ix_(*[[0, -1]] * d)]
     total = 0
     for axis in range(d):

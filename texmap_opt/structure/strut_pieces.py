@@ -144,6 +144,8 @@ def _assemble(
         radii=np.concatenate([structure.radii[whole], _radii_at(structure, strut, ends)]),
         cut=np.concatenate([depth == 0, np.ones(made.sum(), bool)]),
         cell_size=structure.cell_size[source],
+        origin=None if structure.origin is None else structure.origin.select(source),
+        extrusion=None if structure.extrusion is None else structure.extrusion.select(source),
     )
     used = np.unique(pieces.struts)
     return Pieces(

@@ -1,7 +1,7 @@
 """The part of a lattice that lies inside a part, without loose ends, in one piece."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,7 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from texmap_opt.errors import LatticeError
 from texmap_opt.part import Part
 from texmap_opt.solid.edges import Edges
-from texmap_opt.structure.structure import Structure
+from texmap_opt.structure.silhouette import silhouette, wall_depths
+from texmap_opt.structure.structure import Extrusion, Structure
 from texmap_opt.structure.strut_pieces import Pieces, strut_pieces
 
 # A piece between a joint and the surface shorter than this share of its strut is left out when the
@@ -19,6 +20,9 @@ from texmap_opt.structure.strut_pieces import Pieces, strut_pieces
 SLIVER_SHARE = 0.05
 # ... and so is one shorter than this many radii: it lies inside the joint's own sphere.
 SLIVER_RADII = 1.0
+# Walls whose depth inside the part is below this share of the part's own depth are left out: they
+# stand where the part tapers to an edge, and stiffen nothing but the equations' condition number.
+LEAST_DEPTH_SHARE = 1e-3
 # Smallest share of the strut length that the largest connected piece must hold, where there is a skin
 # with all that hangs on it. Bits that fall off at thin edges are a few per cent; more means that
 # the part is not filled as asked.
@@ -36,7 +40,7 @@ class TrimCounts:
         struts_given: struts of the untrimmed lattice.
         struts_outside: of these, wholly outside the part.
         struts_cut: of these, cut at the surface (a strut may leave several pieces).
-        slivers: pieces left out because they are too short.
+        slivers: pieces left out because they are too short, or walls too shallow.
         loose_struts: struts removed because an end held on to nothing.
         loose_share: their share of the length inside the part.
         components: connected pieces that were left, before the largest was taken; all that hangs on
@@ -111,6 +115,9 @@ def trim(
     lies in a region that is supported or loaded. That is repeated until nothing is loose. Of the
     connected pieces the longest stays; pieces that the same skin holds are one.
 
+    Walls are cut in their plane at the part's silhouette, and get their depth inside the part; the
+    skin that holds their ends is that along the silhouette (see `silhouette`).
+
     Args:
         structure: a lattice that overlaps the part, uncut.
         part: the part.
@@ -122,8 +129,14 @@ def trim(
         LatticeError: when nothing is left, or the lattice falls into pieces of which none holds
             `least_share`.
     """
+    solid, extrusion = part, structure.extrusion
+    if extrusion is not None:
+        part = Part(silhouette(solid.surface, extrusion.axis), solid.name)
     pieces = strut_pieces(structure, part)
     inside, depth, slivers = _without_slivers(pieces)
+    if inside.extrusion is not None:
+        inside, depth, shallow = _without_shallow_walls(inside, inside.extrusion, depth, solid)
+        slivers += shallow
     if len(inside.struts) == 0:
         raise LatticeError(_nothing_inside(structure, part))
     in_skin = np.zeros(len(inside.joints), bool)
@@ -169,6 +182,19 @@ def _without_slivers(pieces: Pieces) -> tuple[Structure, Float[np.ndarray, " joi
     sliver = short & pieces.shortened & reaches[a] & reaches[b]
     keep = ~sliver
     return net.select(keep), depth[np.unique(net.struts[keep])], int(sliver.sum())
+
+
+def _without_shallow_walls(
+    net: Structure, extrusion: Extrusion, depth: Float[np.ndarray, " joints"], part: Part
+) -> tuple[Structure, Float[np.ndarray, " joints"], int]:
+    """Walls with their depths in the part; also says how deep the remaining joints lie [mm].
+
+    Not to be confused: `depth` is how far inside the silhouette each joint lies.
+    """
+    of_wall = wall_depths(net, extrusion, part)
+    keep = of_wall > LEAST_DEPTH_SHARE * float(np.ptp(part.surface.vertices @ extrusion.axis))
+    walls = replace(net, extrusion=replace(extrusion, depth=of_wall)).select(keep)
+    return walls, depth[np.unique(net.struts[keep])], int(np.sum(~keep))
 
 
 def _without_loose_ends(

@@ -13,16 +13,15 @@ leaves no trace. A strut is halved between its joints, unless one of them is a c
 strut shares: then all of it belongs to the other. Not seen: struts that cross without a joint,
 overlaps beyond the half, and taper within the joint (the radius at the joint counts).
 
-The quadrature is fixed and has all 48 symmetries of the cube: of the sphere's 48 like triangles
-between mirror planes one is cut into m² triangles, and their centres are reflected. So symmetric
-lattices have symmetric gradients. No direction lies on a mirror plane, where two struts would be
-the farthest and rounding would choose between them.
+Walls of an extruded lattice overlap in their plane: seen from a joint each half wall reaches to the
+same rho, a plane area is (1/2) of the integral of rho² over the circle, the ball is a disc, and an
+overlap is as deep as the walls of the joint are on the mean.
+
+The quadratures are in `texmap_opt.structure.directions`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from itertools import permutations, product
 from typing import NamedTuple
 
 import equinox as eqx
@@ -32,13 +31,15 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from texmap_opt.errors import LatticeError
+from texmap_opt.structure.directions import circle_quadrature, sphere_quadrature
 from texmap_opt.structure.structure import Structure
+from texmap_opt.structure.strut_geometry import strut_lengths
 
 # Traced by JAX, or the host's.
 ArrayLike = Array | np.ndarray
 
-# Parts of an edge of a fundamental triangle: 48 m² directions. Measured: 432 directions are within
-# 0.2 % of the volume of an octet of 10 % density, whichever way it is turned.
+# The quadratures have 48 m² directions. Measured: 432 on the sphere are within 0.2 % of the volume of
+# an octet of 10 % density, whichever way it is turned.
 SUBDIVISIONS = 3
 
 # A square strut of half side h is seen as the circle of the same area, of radius h sqrt(4/pi).
@@ -74,12 +75,14 @@ class Meeting(NamedTuple):
         end: which end of the strut is at the joint.
         share: part of the strut's length that is seen from the joint: 1/2, or 1; 0 where padded.
         ball: 1 where the joint has a ball, else 0.
+        depth: of the joint's walls, on the mean [mm]; 1 for bars.
     """
 
     strut: Int[ArrayLike, "joints slots"]
     end: Int[ArrayLike, "joints slots"]
     share: Float[ArrayLike, "joints slots"]
     ball: Float[ArrayLike, " joints"]
+    depth: Float[ArrayLike, " joints"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +92,15 @@ class LatticeVolume:
     Attributes:
         struts: joints of each strut.
         square: whether sections are square.
+        depth: of each wall [mm]; None: struts are bars.
         meetings: joints by valence; those where nothing overlaps are left out.
         directions: of the quadrature.
-        weights: their solid angles [sr].
+        weights: their solid angles [sr], or their angles [rad] in the plane of walls.
     """
 
     struts: Int[np.ndarray, "struts 2"]
     square: bool
+    depth: Float[np.ndarray, " struts"] | None
     meetings: tuple[Meeting, ...]
     directions: Float[np.ndarray, "quad 3"]
     weights: Float[np.ndarray, " quad"]
@@ -115,15 +120,27 @@ class LatticeVolume:
             subdivisions: of the quadrature.
             seen: joints whose overlap counts; absent: all.
         """
-        directions, weights = sphere_quadrature(subdivisions)
+        walls = structure.extrusion
+        directions, weights = (
+            sphere_quadrature(subdivisions)
+            if walls is None
+            else circle_quadrature(subdivisions, walls.axis)
+        )
         seen = np.ones(len(structure.joints), bool) if seen is None else seen
+        depth = None if walls is None else walls.depth
         return cls(
             structure.struts,
             structure.section == "square",
-            _meetings(structure.struts, structure.cut, seen),
+            depth,
+            _meetings(structure, seen, _joint_depths(structure)),
             directions,
             weights,
         )
+
+    @property
+    def degree(self) -> int:
+        """Power of the radius that the volume of a strut follows: 2, or 1 for walls."""
+        return 2 if self.depth is None else 1
 
     def __call__(
         self,
@@ -136,8 +153,19 @@ class LatticeVolume:
             joints: positions [mm].
             radii: radius, or half the side, at both ends [mm].
         """
-        whole = centre_line_volume(joints, self.struts, self.as_round(radii))
-        return whole - self.overlap(joints, radii)
+        return jnp.sum(self.strut_volumes(joints, radii)) - self.overlap(joints, radii)
+
+    def strut_volumes(
+        self,
+        joints: Float[ArrayLike, "joints 3"],
+        radii: Float[ArrayLike, "struts 2"],
+    ) -> Float[Array, " struts"]:
+        """Each tapered strut's own volume between its joints' centres [mm³]; arguments as above."""
+        length = strut_lengths(jnp.asarray(joints), self.struts)
+        a, b = self.as_round(jnp.asarray(radii)).T
+        if self.depth is None:
+            return jnp.pi / 3 * length * (a * a + a * b + b * b)
+        return jnp.asarray(self.depth) * length * (a + b)
 
     def overlap(
         self,
@@ -146,11 +174,9 @@ class LatticeVolume:
     ) -> Float[Array, ""]:
         """What the struts' own volumes count too much at the joints [mm³]; arguments as above."""
         joints, radii = jnp.asarray(joints), jnp.asarray(self.as_round(radii))
+        ends, quadrature = joints[self.struts], (self.directions, self.weights)
         return sum(
-            (
-                _overlap(joints, self.struts, radii, m, self.directions, self.weights)
-                for m in self.meetings
-            ),
+            (_overlap(ends, radii, m, quadrature, self.degree + 1) for m in self.meetings),
             start=jnp.zeros(()),
         )
 
@@ -162,19 +188,6 @@ class LatticeVolume:
     def as_round(self, radii: Float[ArrayLike, "struts 2"]) -> Float[ArrayLike, "struts 2"]:
         """Radii of the round struts of the same area [mm]."""
         return radii * SQUARE_TO_ROUND if self.square else radii
-
-
-@eqx.filter_jit
-def centre_line_volume(
-    joints: Float[ArrayLike, "joints 3"],
-    struts: Int[ArrayLike, "struts 2"],
-    radii: Float[ArrayLike, "struts 2"],
-) -> Float[Array, ""]:
-    """Sum of the volumes of round, tapered struts between their joints' centres [mm³]."""
-    ends = jnp.asarray(joints)[struts]
-    length = jnp.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    a, b = jnp.asarray(radii).T
-    return jnp.pi / 3 * jnp.sum(length * (a * a + a * b + b * b))
 
 
 def lattice_volume(structure: Structure) -> float:
@@ -210,15 +223,19 @@ def uniform_radius(
             f"(at {largest:.4g} mm, half the median strut length); change the volume fraction, or "
             "take smaller or larger cells."
         )
-    # Volume grows about as r², so the secant is drawn through (r², V), kept within the bracket.
-    low, high = (0.0, 0.0), (largest**2, reach)
-    square = min(volume / (np.pi * lengths.sum()), largest**2 / 2)
+    # Volume grows about as r², of walls as r, so the secant is drawn through (r², V) or (r, V), kept
+    # within the bracket.
+    power = measure.degree
+    low, high = (0.0, 0.0), (largest**power, reach)
+    unit = float(jnp.sum(measure.strut_volumes(structure.joints, ones)))
+    grown = min(volume / unit, largest**power / 2)
     for _ in range(MAX_STEPS):
-        now = volume_of(float(np.sqrt(square)))
+        radius = float(grown ** (1 / power))
+        now = volume_of(radius)
         if abs(now - volume) <= VOLUME_RTOL * volume:
-            return float(np.sqrt(square))
-        low, high = ((square, now), high) if now < volume else (low, (square, now))
-        square = _between(low, high, volume)
+            return radius
+        low, high = ((grown, now), high) if now < volume else (low, (grown, now))
+        grown = _between(low, high, volume)
     raise LatticeError(f"No uniform radius found for volume = {volume:.4g} mm³; change the radius.")
 
 
@@ -228,46 +245,22 @@ def _between(low: tuple[float, float], high: tuple[float, float], volume: float)
     return low[0] + (high[0] - low[0]) * fraction
 
 
-@cache
-def sphere_quadrature(
-    subdivisions: int,
-) -> tuple[Float[np.ndarray, "quad 3"], Float[np.ndarray, " quad"]]:
-    """Directions and solid angles: 48 m², symmetric as the cube; the weights sum to 4 pi.
-
-    The solid angle of each triangle is exact: Van Oosterom and Strackee, IEEE Trans. Biomed. Eng.
-    30 (1983) 125.
-    """
-    m = subdivisions
-    up = [((i, j), (i + 1, j), (i, j + 1)) for i in range(m) for j in range(m - i)]
-    down = [
-        ((i + 1, j + 1), (i, j + 1), (i + 1, j)) for i in range(m - 1) for j in range(m - 1 - i)
-    ]
-    ij = np.array(up + down, float) / m
-    share = np.stack([1 - ij.sum(axis=-1), ij[..., 0], ij[..., 1]], axis=-1)
-    # Through a face, an edge and a corner of the cube.
-    triangle = np.array([[1, 0, 0], [1 / 2, 1 / 2, 0], [1 / 3, 1 / 3, 1 / 3]])
-    corner = share @ triangle
-    corner /= np.linalg.norm(corner, axis=-1, keepdims=True)
-    a, b, c = np.moveaxis(corner, 1, 0)
-    triple = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c)))
-    dots = np.sum(a * b + b * c + c * a, axis=1)
-    weight = 2 * np.arctan2(triple, 1 + dots)
-    centre = corner.mean(axis=1)
-    centre /= np.linalg.norm(centre, axis=1, keepdims=True)
-    images = [
-        centre[:, order] * signs
-        for order in permutations(range(3))
-        for signs in product((1.0, -1.0), repeat=3)
-    ]
-    return np.concatenate(images), np.tile(weight, len(images))
+def _joint_depths(structure: Structure) -> Float[np.ndarray, " joints"]:
+    """Mean depth of the walls at each joint [mm]; ones where struts are bars."""
+    if structure.extrusion is None:
+        return np.ones(len(structure.joints))
+    total = np.zeros(len(structure.joints))
+    np.add.at(total, structure.struts, structure.extrusion.depth[:, None])
+    return total / np.maximum(structure.degrees(), 1)
 
 
 def _meetings(
-    struts: Int[np.ndarray, "struts 2"],
-    cut: Bool[np.ndarray, " joints"],
+    structure: Structure,
     seen: Bool[np.ndarray, " joints"],
+    depth: Float[np.ndarray, " joints"],
 ) -> tuple[Meeting, ...]:
     """Half struts by joint, joints by valence; a strut alone at a cut overlaps nothing there."""
+    struts, cut = structure.struts, structure.cut
     ends = struts.reshape(-1)
     valence = np.bincount(ends, minlength=len(cut))
     lone = cut & (valence == 1)
@@ -289,6 +282,7 @@ def _meetings(
                 np.where(used, half % 2, 0),
                 np.where(used, share[half], 0.0),
                 np.where(cut[here], 0.0, 1.0),
+                depth[here],
             )
         )
     return tuple(meetings)
@@ -296,15 +290,23 @@ def _meetings(
 
 @eqx.filter_jit
 def _overlap(
-    joints: Float[Array, "joints 3"],
-    struts: Int[ArrayLike, "struts 2"],
+    strut_ends: Float[Array, "struts 2 3"],
     radii: Float[Array, "struts 2"],
     meeting: Meeting,
-    directions: Float[ArrayLike, "quad 3"],
-    weights: Float[ArrayLike, " quad"],
+    quadrature: tuple[Float[ArrayLike, "quad 3"], Float[ArrayLike, " quad"]],
+    power: int,
 ) -> Float[Array, ""]:
-    """Overlap summed over the joints of one meeting [mm³]."""
-    ends = joints[struts[meeting.strut]]
+    """Overlap summed over the joints of one meeting [mm³].
+
+    Args:
+        strut_ends: positions of the joints of each strut [mm].
+        radii: of round struts, or half the thickness of walls [mm].
+        meeting: the joints.
+        quadrature: directions and their weights.
+        power: 3 in space, 2 in the plane of walls.
+    """
+    directions, weights = quadrature
+    ends = strut_ends[meeting.strut]
     here = meeting.end[:, :, None, None]
     out = jnp.where(here[..., 0] == 0, ends[:, :, 1] - ends[:, :, 0], ends[:, :, 0] - ends[:, :, 1])
     length = jnp.linalg.norm(out, axis=-1)
@@ -325,8 +327,9 @@ def _overlap(
         rho = 1 / jnp.maximum(sine / radius[:, None], cosine / height[:, None])
         rho = jnp.where((cosine > 0) & used[:, None], rho, 0.0)
         union = jnp.maximum(jnp.max(rho, axis=0), ball)
-        return jnp.sum((jnp.sum(rho**3, axis=0) - union**3) * weights) / 3
+        return jnp.sum((jnp.sum(rho**power, axis=0) - union**power) * weights) / power
 
     batch = max(1, IN_FLIGHT // (len(weights) * axis.shape[1]))
     local = (axis, radius, height, used, ball)
-    return jnp.sum(jax.lax.map(at_joint, local, batch_size=min(batch, len(axis))))
+    each = jax.lax.map(at_joint, local, batch_size=min(batch, len(axis)))
+    return jnp.sum(meeting.depth * each)

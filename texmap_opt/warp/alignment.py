@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from fea.effective_stiffness import EffectiveStiffness
+from fea.plane_stiffness import PlaneStiffness
 from fea.voigt import vector
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.frames import rotations
@@ -156,7 +157,7 @@ class LeastEnergy(AbstractAlignment):
 
 def alignment_for(
     target: str,
-    stiffness: EffectiveStiffness | None,
+    stiffness: EffectiveStiffness | PlaneStiffness | None,
     weight: float | Float[Array, ""],
     *,
     dimensions: int = 3,
@@ -171,7 +172,8 @@ def alignment_for(
     Args:
         target: "axes": cell axes along the principal stresses; "energy": the orientation in which
             the cell is stiffest.
-        stiffness: of the lattice in the cell's axes; needed for "energy".
+        stiffness: of the lattice in the cell's axes; needed for "energy". In two dimensions that of a
+            plane, or of space.
         weight: of the residuals; 0: nothing turns the cells.
         dimensions: 2 for cells that are extruded; then the compliance in the plane counts.
 
@@ -193,15 +195,18 @@ def alignment_for(
     turning = _turning_part(turned_compliance(stiffness, dimensions))
     if turning is None:
         return Unaligned()
-    if dimensions == 3 and stiffness.is_cubic:
+    if isinstance(stiffness, EffectiveStiffness) and dimensions == 3 and stiffness.is_cubic:
         return EqualStretch(w) if stiffness.zener_ratio > 1 else NoShear(w, by_energy=True)
     return LeastEnergy(w, jnp.asarray(turning))
 
 
-def turned_compliance(stiffness: EffectiveStiffness, dimensions: int) -> Float[np.ndarray, "_ _"]:
+def turned_compliance(
+    stiffness: EffectiveStiffness | PlaneStiffness, dimensions: int
+) -> Float[np.ndarray, "_ _"]:
     """The compliance that turning a cell turns: all of it, in two dimensions what is in the plane."""
     S = stiffness.compliance
-    return S if dimensions == 3 else S[np.ix_(IN_PLANE, IN_PLANE)]
+    of_space = isinstance(stiffness, EffectiveStiffness)
+    return S[np.ix_(IN_PLANE, IN_PLANE)] if of_space and dimensions == 2 else S
 
 
 def _turning_part(S: Float[np.ndarray, "_ _"]) -> Float[np.ndarray, "_ _"] | None:

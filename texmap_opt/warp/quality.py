@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from fea.effective_stiffness import EffectiveStiffness
+from fea.plane_stiffness import PlaneStiffness
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.alignment import turned_compliance
 from texmap_opt.warp.cell_volumes import equivalent_edges
@@ -124,7 +125,7 @@ def quality(
     grid: Grid,
     f: WarpingFunction,
     *,
-    stiffness: EffectiveStiffness | None = None,
+    stiffness: EffectiveStiffness | PlaneStiffness | None = None,
     weights: Float[np.ndarray, " cells"] | None = None,
 ) -> WarpQuality:
     """Measures a grid against the warping function it should follow.
@@ -145,7 +146,7 @@ def quality_for(
     wanted: Float[np.ndarray, " cells"],
     stress: Float[np.ndarray, "cases cells d d"],
     *,
-    stiffness: EffectiveStiffness | None = None,
+    stiffness: EffectiveStiffness | PlaneStiffness | None = None,
     weights: Float[np.ndarray, " cells"] | None = None,
 ) -> WarpQuality:
     """`quality`, given what f asks at the centres of the cells: `wanted_sizes` and `stresses`."""
@@ -312,7 +313,7 @@ def _mean_deg(angles: Float[np.ndarray, "..."], weights: Float[np.ndarray, "..."
 def energies(
     grid: Grid,
     stress: Float[np.ndarray, "cases cells d d"],
-    stiffness: EffectiveStiffness | None,
+    stiffness: EffectiveStiffness | PlaneStiffness | None,
     weights: Float[np.ndarray, " cells"] | None,
 ) -> dict[str, float | None]:
     """The fields of `WarpQuality` that are energies."""

@@ -36,6 +36,7 @@ class WarpedGrid:
         grid: the warped grid.
         method, iterations, converged, message, measures: see `WarpResult`.
         quality: its measures; without energies, see `with_energies`.
+        f: the warping function at the centre of each cell, within its contrast limit.
         wanted_size: wanted size at the centre of each cell, relative to a uniform cell.
         stress: there, over its root mean square in the part, along the axes of the box; no cases
             where none is known.
@@ -49,6 +50,7 @@ class WarpedGrid:
     message: str
     measures: dict[str, float]
     quality: WarpQuality
+    f: Float[np.ndarray, " cells"]
     wanted_size: Float[np.ndarray, " cells"]
     stress: Float[np.ndarray, "cases cells d d"]
     occupied_mm3: Float[np.ndarray, " cells"]
@@ -75,6 +77,7 @@ class WarpedGrid:
             "quality": np.array(
                 [np.nan if v is None else float(v) for v in asdict(self.quality).values()]
             ),
+            "f": self.f,
             "wanted_size": self.wanted_size,
             "stress": self.stress,
             "occupied_mm3": self.occupied_mm3,
@@ -100,6 +103,7 @@ class WarpedGrid:
             message=str(arrays["message"]),
             measures={str(name): float(value) for name, value in named},
             quality=WarpQuality(**quality_of),
+            f=arrays["f"],
             wanted_size=arrays["wanted_size"],
             stress=arrays["stress"],
             occupied_mm3=arrays["occupied_mm3"],
@@ -127,6 +131,7 @@ def warped_grid(inputs: WarpInputs) -> WarpedGrid:
         message=result.message,
         measures=result.measures,
         quality=measured,
+        f=np.asarray(function.f(result.grid.centres)),
         wanted_size=wanted,
         stress=stress,
         occupied_mm3=occupied,
@@ -150,7 +155,9 @@ def _least_squares(inputs: WarpInputs) -> AbstractWarp:
     follows = {"surface": inputs.surface, "surface_weight": warp.conform} if warp.conform else {}
     return LeastSquares(
         size_weight=warp.size_weight,
-        alignment=alignment_for(warp.target, stiffness, warp.alignment),
+        alignment=alignment_for(
+            warp.target, stiffness, warp.alignment, dimensions=inputs.grid.dimensions
+        ),
         gtol=warp.tolerance,
         max_steps=warp.max_steps,
         **follows,

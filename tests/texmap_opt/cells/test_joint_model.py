@@ -207,7 +207,7 @@ def test_struts_thicker_than_the_fit_are_refused_by_name():
 # Its file ---------------------------------------------------------------------------------------
 
 BARS = """<?xml version="1.0" encoding="UTF-8"?>
-<unit_cell name="bars" section="round" tiling="translate" classification="bending">
+<unit_cell name="bars" dimensions="3" unit="cell" section="round" tiling="translate" classification="bending">
   <description>A cube with two of its struts doubled by a bar through the middle.</description>
   <source>This test.</source>
   <joints>

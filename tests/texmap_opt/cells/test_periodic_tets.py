@@ -17,6 +17,7 @@ from texmap_opt.cells.periodic_tets import (
 )
 from texmap_opt.errors import CellError
 from texmap_opt.structure.map import map_structure
+from texmap_opt.structure.tile import tile
 from texmap_opt.structure.volume import lattice_volume
 
 SOLID = Material(E=1.0, nu=0.3, density=1e-9)
@@ -50,7 +51,7 @@ def test_the_density_of_an_endless_lattice_is_the_growth_of_a_block():
     for counts, weight in {(1, 1, 1): -1, (1, 1, 2): 3, (1, 2, 2): -3, (2, 2, 2): 1}.items():
         ticks = [np.arange(n + 1.0) for n in counts]
         nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
-        total += weight * lattice_volume(map_structure(cell, nodes, 0.07))
+        total += weight * lattice_volume(map_structure(tile(cell, counts), nodes, 0.07))
     np.testing.assert_allclose(periodic_density(cell, 0.07), total, rtol=1e-12)
 
 

@@ -14,7 +14,7 @@ SCHEMA = Path(__file__).parents[3] / "library/unit_cell.xsd"
 
 # One chain of struts along each axis, meeting at the middle.
 GOOD = """<?xml version="1.0" encoding="UTF-8"?>
-<unit_cell name="jack" section="round" tiling="translate" classification="bending">
+<unit_cell name="jack" dimensions="3" unit="cell" section="round" tiling="translate" classification="bending">
   <description>Three crossing bars.</description>
   <source>This test.</source>
   <joints>
@@ -46,7 +46,7 @@ MISTAKES = {
     "outside the cube": (">1 0.5 0.5<", ">1.5 0.5 0.5<", 8, "outside the unit cube", False),
     "negative coordinate": (">1 0.5 0.5<", ">-0.5 0.5 0.5<", 8, "outside the unit cube", True),
     "not a number": (">1 0.5 0.5<", ">1 nan 0.5<", 8, 'is at "1 nan 0.5"', True),
-    "two coordinates": (">1 0.5 0.5<", ">1 0.5<", 8, "three coordinates", True),
+    "two coordinates": (">1 0.5 0.5<", ">1 0.5<", 8, "3 coordinates", False),
     "repeated strut": ('from="m" to="xp"', 'from="xm" to="m"', 16, "repeats line 15", False),
     "strut without length": ('from="m" to="xp"', 'from="m" to="m"', 16, "has no length", False),
     "repeated id": ('id="xp"', 'id="xm"', 8, 'second joint with id "xm"', True),
@@ -56,6 +56,43 @@ MISTAKES = {
     ),
     "faces that differ": (">1 0.5 0.5<", ">1 0.5 0.4<", 7, "no match in the opposite", False),
     "tiling": ('"translate"', '"mirrored"', 2, 'did you mean "mirror"?', True),
+    "tiling of two axes": (
+        '"translate"', '"mirror mirror"', 2, "one word, or one for each of 3 axes", False,
+    ),
+    "no unit": (' unit="cell"', "", 2, 'lacks its attribute "unit"; give unit="cell" for', True),
+    "unknown unit": ('unit="cell"', 'unit="inch"', 2, "known: cell, mm", True),
+    "millimetres of what": ('unit="cell"', 'unit="mm"', 2, "add edges_mm", False),
+    "edges of a unit cube": (
+        'unit="cell"', 'unit="cell" edges_mm="1 1 1"', 2, 'is for unit="mm"', False,
+    ),
+    "two edges": (
+        'unit="cell"', 'unit="cell" proportions="1 2"', 2, "needs 3 positive numbers", False,
+    ),
+    "edge of no length": (
+        'unit="cell"', 'unit="cell" proportions="1 0 1"', 2, "needs 3 positive numbers", False,
+    ),
+    "proportions twice": (
+        'unit="cell"', 'unit="mm" edges_mm="1 1 1" proportions="1 1 1"', 2, "remove them", False,
+    ),
+    "outside the edges": (
+        'unit="cell"', 'unit="mm" edges_mm="0.7 0.7 0.7"', 8, "0 and edges_mm = 0.7 0.7", False,
+    ),
+    "no dimensions": (' dimensions="3"', "", 2, 'dimensions"; give dimensions="3"', True),
+    "four dimensions": ('dimensions="3"', 'dimensions="4"', 2, "known: 2, 3", True),
+    "plane": ('dimensions="3"', 'dimensions="2"', 6, "it needs 2 coordinates", False),
+    "class that it has not": (
+        '"bending"', '"stretching"', 2, "but the lattice is bending; give that, or nothing", False,
+    ),
+    "symmetry that it has not": (
+        '"bending"', '"bending" symmetry="cubic"', 2, "but the lattice is tetragonal", False,
+    ),
+    "strut through a joint": (
+        'from="m" to="xm"', 'from="xp" to="xm"', 15, 'runs through joint "m"', False,
+    ),
+    "loose end": (
+        '<joint id="zp">0.5 0.5 1</joint>',
+        '<joint id="zp">0.5 0.5 1</joint><joint id="e">0.9 0.9 0.9</joint>', 12, "no strut", False,
+    ),
     "section": ('"round"', '"hexagonal"', 2, "known: round, square", True),
     "classification": ('"bending"', '"bend"', 2, 'did you mean "bending"?', True),
     "radius": ('"0.5"', '"-0.5"', 16, "must be a positive number", True),
@@ -79,7 +116,12 @@ def test_a_good_file_is_read_whole(tmp_path: Path):
     cell = read_unit_cell(written(tmp_path, GOOD))
     assert cell.name == "jack"
     assert cell.joint_names == ("m", "xm", "xp", "ym", "yp", "zm", "zp")
-    assert (cell.tiling, cell.classification, cell.source) == ("translate", "bending", "This test.")
+    assert (cell.classification, cell.symmetry, cell.source) == (
+        "bending",
+        "tetragonal",
+        "This test.",
+    )
+    assert (cell.mirrored, cell.period) == ((False,) * 3, (1, 1, 1))
     np.testing.assert_array_equal(cell.joints[0], 0.5)
     np.testing.assert_array_equal(cell.relative_radius, [1, 0.5, 1, 1, 1, 1])
     xmlschema.validate(tmp_path / "jack.xml", SCHEMA)
@@ -105,7 +147,7 @@ def test_the_schema_sees_what_a_schema_can(mistake: str, tmp_path: Path):
 
 def test_faces_that_differ_are_allowed_when_odd_cells_are_mirrored(tmp_path: Path):
     text = GOOD.replace(">1 0.5 0.5<", ">1 0.5 0.4<").replace("translate", "mirror")
-    assert read_unit_cell(written(tmp_path, text)).tiling == "mirror"
+    assert read_unit_cell(written(tmp_path, text)).mirrored == (True, True, True)
 
 
 def tetrahedron(tiling: str) -> str:
@@ -115,7 +157,8 @@ def tetrahedron(tiling: str) -> str:
     pairs = ("ab", "ac", "ad", "bc", "bd", "cd")
     struts = "".join(f'<strut from="{p[0]}" to="{p[1]}"/>' for p in pairs)
     return (
-        f'<unit_cell name="t" section="round" tiling="{tiling}" classification="stretching">'
+        f'<unit_cell name="t" dimensions="3" unit="cell" section="round" '
+        f'tiling="{tiling}" classification="stretching">'
         f"<description>T</description><source>T</source><joints>{joints}</joints>"
         f"<struts>{struts}</struts></unit_cell>"
     )
@@ -129,12 +172,61 @@ def test_tetrahedra_must_be_mirrored(tmp_path: Path):
 
 
 def test_a_net_that_falls_apart_is_refused(tmp_path: Path):
-    """Two bars that never meet."""
-    text = GOOD.replace('from="m" to="xm"', 'from="xm" to="xp"').replace(
-        '    <strut from="m" to="xp" radius="0.5"/>\n', ""
-    )
+    """A bar beside the jack that never meets it."""
+    text = GOOD.replace(
+        "</joints>", '<joint id="a">0 0.2 0.2</joint><joint id="b">1 0.2 0.2</joint></joints>'
+    ).replace("</struts>", '<strut from="a" to="b"/></struts>')
     with pytest.raises(CellError, match=r"line 2: a block of 2 x 2 x 2 cells .* separate nets"):
         read_unit_cell(written(tmp_path, text))
+
+
+def test_a_loose_end_is_refused(tmp_path: Path):
+    """The bars of a jack and one that ends in the open."""
+    more = '<joint id="zp">0.5 0.5 1</joint><joint id="e">0.9 0.9 0.9</joint>'
+    text = GOOD.replace('<joint id="zp">0.5 0.5 1</joint>', more).replace(
+        "</struts>", '<strut from="m" to="e"/></struts>'
+    )
+    with pytest.raises(CellError, match=r'line 12: joint "e" is a loose end'):
+        read_unit_cell(written(tmp_path, text))
+
+
+def test_struts_that_cross_are_refused(tmp_path: Path):
+    """Both diagonals of a square; and a zigzag whose neighbour's runs through it."""
+    corners = {"a": "0 0", "b": "1 0", "c": "0 1", "d": "1 1"}
+    joints = "".join(f'<joint id="{k}">{v}</joint>' for k, v in corners.items())
+    pairs = ("ab", "ac", "bd", "cd", "ad", "bc")
+    struts = "".join(f'<strut from="{p[0]}" to="{p[1]}"/>' for p in pairs)
+    text = (
+        '<unit_cell name="t" dimensions="2" unit="cell" section="wall" tiling="translate">'
+        f"<description>T</description><source>T</source><joints>{joints}</joints>"
+        f"<struts>{struts}</struts></unit_cell>"
+    )
+    with pytest.raises(CellError, match=r'strut "a–d" crosses strut "b–c".* give both a joint'):
+        read_unit_cell(written(tmp_path, text))
+
+
+def test_millimetres_are_shares_of_the_edges(tmp_path: Path):
+    """A square frame of 10 x 17.5 mm: the same as in cell edges with its proportions."""
+    corners = {"a": "0 0", "b": "{x} 0", "c": "0 {y}", "d": "{x} {y}"}
+
+    def text(attributes: str, x: str, y: str) -> str:
+        joints = "".join(
+            f'<joint id="{k}">{v.format(x=x, y=y)}</joint>' for k, v in corners.items()
+        )
+        struts = "".join(f'<strut from="{p[0]}" to="{p[1]}"/>' for p in ("ab", "ac", "bd", "cd"))
+        return (
+            f'<unit_cell name="t" dimensions="2" {attributes} section="wall" tiling="translate">'
+            f"<description>T</description><source>T</source><joints>{joints}</joints>"
+            f"<struts>{struts}</struts></unit_cell>"
+        )
+
+    in_mm = read_unit_cell(written(tmp_path, text('unit="mm" edges_mm="10 17.5"', "10", "17.5")))
+    in_cells = read_unit_cell(written(tmp_path, text('unit="cell" proportions="1 1.75"', "1", "1")))
+    np.testing.assert_array_equal(in_mm.joints, in_cells.joints)
+    assert in_mm.proportions == in_cells.proportions == (1.0, 1.75)
+    assert in_mm.dimensions == 2
+    assert (in_mm.classification, in_mm.symmetry) == ("bending", "rectangular")
+    xmlschema.validate(tmp_path / "jack.xml", SCHEMA)
 
 
 def test_an_unknown_name_suggests_the_nearest():

@@ -90,6 +90,13 @@ def test_beam_lattice_refuses_square_struts(tmp_path, bow):
     assert not list(tmp_path.iterdir())
 
 
+def test_beam_lattice_refuses_walls(tmp_path, bow):
+    walls = Structure(bow.joints, bow.struts, bow.radii, bow.cut, bow.cell_size, "wall")
+    with pytest.raises(OutputError, match=r"these are walls; write their solid instead"):
+        write_beam_lattice(tmp_path / "l.3mf", walls)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_failing_writer_leaves_the_old_file_and_nothing_else(tmp_path):
     target = tmp_path / "report.json"
     target.write_bytes(b"old")

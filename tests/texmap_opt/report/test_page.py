@@ -184,10 +184,11 @@ def test_the_headline_names_the_skin_where_it_is_nearer_to_yield_than_the_struts
 
 
 def test_the_joint_model_stands_beside_its_error(tmp_path):
-    model = {"rigid_end": 1.72, "slenderness": 0.134, "error": 0.054, "thicker_share": 0.46}
+    model = {"rigid_end": [1.72, 0.8], "error": [0.054, 0.213], "thicker_share": 0.46}
     html = written(tmp_path, REPORT | {"joint_model": model})
     assert "<h3>Joint model</h3>" in html
     assert "counted as that</th><td>46 %</td>" in html
+    assert "at most</th><td>5.4 %, 21.3 %</td>" in html
     assert "Joint model" not in written(tmp_path, REPORT | {"joint_model": None})
 
 

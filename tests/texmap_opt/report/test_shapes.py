@@ -6,8 +6,8 @@ import pytest
 from texmap_opt.report.glyphs import ARROW_LENGTH, diagonal, glyph, spread_points
 from texmap_opt.report.overlay import colour_range
 from texmap_opt.report.scenes import Action, Mark, triangles_of_facets
-from texmap_opt.report.tubes import tube_values, tubes
-from texmap_opt.report.view import HALF_ANGLE_DEG, Eye, Frame, best_eye, fitted_view
+from texmap_opt.report.tubes import tube_values, tubes, wall_values, walls
+from texmap_opt.report.view import HALF_ANGLE_DEG, Eye, Frame, best_eye, eye_along, fitted_view
 from texmap_opt.solid.tri_mesh import TriMesh
 
 SQUARE = TriMesh(
@@ -146,3 +146,28 @@ def test_the_colour_scale_ends_before_a_singular_peak_and_says_so():
 def test_equal_values_still_have_a_scale():
     low, high, beyond = colour_range(np.full(5, 0.5))
     assert low < 0.5 < high and beyond is None
+
+
+def test_walls_are_closed_prisms_with_outward_normals():
+    """A wall 5 long, 0.4 thick at one end and 0.8 at the other, twice the rise of 1.5 high."""
+    joints = np.array([[1.0, 2, 0], [4.0, 6, 0], [4.0, 9, 0]])
+    rise = np.array([0.0, 0, 1.5])
+    radii = np.array([[0.2, 0.4], [0.5, 0.5]])
+    mesh, normals = walls(joints, np.array([[0, 1], [1, 2]]), radii, rise)
+    assert mesh.volume == pytest.approx(5 * 0.6 * 3 + 3 * 1.0 * 3)
+    np.testing.assert_allclose(normals[mesh.faces[:, 0]], mesh.face_normals, atol=1e-12)
+    values = wall_values(np.array([[1.0, 2], [3, 4]]))
+    near = np.linalg.norm(mesh.vertices[:24, :2] - [1, 2], axis=1) < 1
+    np.testing.assert_array_equal(values[:24], np.where(near, 1, 2))
+    assert set(values[24:]) == {3, 4}
+
+
+@pytest.mark.parametrize("axis", [[0.0, 0, 1], [0.0, 2, 0], [1.0, 0, 0], [0.0, -0.6, 0.8]])
+def test_the_eye_along_an_axis_stays_on_its_side_and_upright(axis: list):
+    usual = Eye(np.array([0.6, -0.64, 0.48]), np.array([0.0, 0, 1]))
+    eye = eye_along(np.array(axis), usual)
+    assert np.linalg.norm(np.cross(eye.direction, axis)) == pytest.approx(0, abs=1e-12)
+    assert eye.direction @ usual.direction > 0
+    assert eye.up @ eye.direction == pytest.approx(0, abs=1e-12)
+    upright = np.array([0.0, 1, 0]) if axis == [0, 0, 1] else usual.up
+    assert eye.up @ upright > 0.5

@@ -45,6 +45,7 @@ def warped(stress=SHEAR, *, box=None, turned_deg=0.0) -> WarpedGrid:
         message="",
         measures={"gradient_norm": 1e-7},
         quality=quality(grid, f, stiffness=CUBIC),
+        f=np.ones(grid.cell_count),
         wanted_size=wanted_sizes(grid, f),
         stress=stresses(grid, f),
         occupied_mm3=np.ones(grid.cell_count),

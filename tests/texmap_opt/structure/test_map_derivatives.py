@@ -116,7 +116,7 @@ def test_numpy_and_jax_agree_and_each_returns_its_own_kind(function: Callable):
 
 def test_the_structure_holds_what_the_functions_of_the_nodes_say():
     nodes = warped(3).nodes
-    s = map_structure(unit_cell("octet"), nodes, 0.5, radius_mode="scaled")
+    s = map_structure(NET, nodes, 0.5, radius_mode="scaled")
     np.testing.assert_array_equal(s.joints, mapped_joints(NET, nodes))
     np.testing.assert_allclose(s.cell_size, NET.sharing @ cell_sizes(nodes).ravel(), rtol=1e-14)
     np.testing.assert_array_equal(s.lengths(), strut_lengths(s.joints, s.struts))

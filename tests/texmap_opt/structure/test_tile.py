@@ -17,8 +17,10 @@ TETRAHEDRON = UnitCell(
     struts=np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]),
     relative_radius=np.ones(6),
     section="round",
-    tiling="mirror",
+    mirrored=(True, True, True),
+    proportions=(1.0, 1.0, 1.0),
     classification="stretching",
+    symmetry="cubic",
     source="",
     description="",
 )
@@ -35,7 +37,7 @@ def test_mirrored_tetrahedra_share_face_diagonals():
 
 def test_translated_tetrahedra_share_no_diagonal():
     """In the shared face neighbours have the crossing diagonals: 6 n^3 of them, none shared."""
-    net = tile(replace(TETRAHEDRON, tiling="translate"), (2, 2, 2))
+    net = tile(replace(TETRAHEDRON, mirrored=(False, False, False)), (2, 2, 2))
     assert len(net.struts) == 6 * 8
 
 
@@ -66,3 +68,33 @@ def test_a_strut_inside_a_large_block_of_cubes_is_shared_by_four_cells():
     assert sharers.min() == 1
     assert sharers.max() == 4
     assert sharers.sum() == 12 * 4**3
+
+
+def test_cells_mirrored_along_one_axis_alternate_along_that_axis_only():
+    """A square with one diagonal: mirrored along x, diagonals meet in zigzags that y repeats."""
+    diagonal = replace(
+        TETRAHEDRON,
+        joints=np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]]),
+        struts=np.array([[0, 1], [0, 2], [1, 3], [2, 3], [0, 3]]),
+        relative_radius=np.ones(5),
+        section="wall",
+        mirrored=(True, False),
+        proportions=(1.0, 1.0),
+    )
+    net = tile(diagonal, (2, 2))
+    step = np.diff(net.joints[net.struts], axis=1)[:, 0]
+    slope = step[:, 0] * step[:, 1]
+    middle = net.joints[net.struts].mean(axis=1)
+    np.testing.assert_array_equal(slope[(middle[:, 0] == 0.5) & (middle[:, 1] % 1 == 0.5)], 1)
+    np.testing.assert_array_equal(slope[(middle[:, 0] == 1.5) & (middle[:, 1] % 1 == 0.5)], -1)
+    assert (len(net.joints), len(net.struts)) == (9, 16)
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(shape=st.tuples(*[st.integers(1, 4)] * 3), name=st.sampled_from(["octet", "cube", "vector"]))
+def test_the_cell_of_a_strut_is_the_first_that_holds_it(shape, name):
+    net = tile(unit_cell(name), shape)
+    first = np.full(len(net.struts), np.prod(shape))
+    strut, cell = net.sharing.nonzero()
+    np.minimum.at(first, strut, cell)
+    np.testing.assert_array_equal(net.cell, first)

@@ -10,6 +10,7 @@ from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.strut_pieces import strut_pieces
+from texmap_opt.structure.tile import tile
 from texmap_opt.structure.trim import trim
 
 SKIN = 0.2
@@ -47,7 +48,7 @@ def moved(part: Part, shift) -> Part:
 def lattice(cell: str, low, edge: float, cells, radius: float = 0.5) -> Structure:
     axes = [a + edge * np.arange(n + 1) for a, n in zip(low, cells, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).astype(float)
-    return map_structure(unit_cell(cell), grid, radius)
+    return map_structure(tile(unit_cell(cell), tuple(n - 1 for n in grid.shape[:3])), grid, radius)
 
 
 def single_struts(*ends) -> Structure:

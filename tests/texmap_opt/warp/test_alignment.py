@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fea.effective_stiffness import EffectiveStiffness
+from fea.plane_stiffness import PlaneStiffness
 from texmap_opt.box import Box
 from texmap_opt.errors import WarpError
 from texmap_opt.warp.alignment import (
@@ -129,3 +130,17 @@ def test_in_the_plane_the_compliance_in_the_plane_counts():
 def test_impossible_alignments_are_refused(arguments, words):
     with pytest.raises(WarpError, match=words):
         alignment_for(*arguments)
+
+
+def test_a_sheet_is_turned_as_the_solid_whose_plane_has_its_compliance():
+    """The stiffness of a plane, as of walls, is another way to give what is in the plane."""
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(6, 6))
+    solid = EffectiveStiffness(A @ A.T + np.eye(6))
+    sheet = PlaneStiffness(np.linalg.inv(solid.compliance[np.ix_([0, 1, 5], [0, 1, 5])]))
+    of_solid, of_sheet = (
+        alignment_for("energy", stiffness, 3.0, dimensions=2) for stiffness in (solid, sheet)
+    )
+    assert isinstance(of_solid, LeastEnergy)
+    assert isinstance(of_sheet, LeastEnergy)
+    np.testing.assert_allclose(of_sheet.compliance, of_solid.compliance, rtol=1e-9, atol=1e-12)

@@ -282,13 +282,13 @@ def test_the_outline_of_an_extruded_part_does_not_depend_on_its_thickness():
     np.testing.assert_array_equal(*results)
 
 
-def test_the_outline_of_a_tapered_part_is_that_of_its_cross_section():
-    """A frustum with walls at 45 degrees: 1/sqrt(2) of the distance in the plane, in space."""
+def test_the_outline_of_a_tapered_part_is_that_of_its_shadow():
+    """A frustum of radii 7 to 13, whose walls are nearer in space than their shadow's edge is."""
     part = cylinder(10, 3)
     part = TriMesh(part.vertices * (1 - part.vertices[:, 2:] / 10 * [1, 1, 0]), part.faces)
     box = Box.aligned(CUBE * [1, 1, 3 / 14], extrusion="z")
     points = np.array([[0.0, 0.0], [8.0, 0.0], [0.0, 13.0]])
-    np.testing.assert_allclose(PartDistance(part, box)(points), [-10, -2, 3], atol=2e-3)
+    np.testing.assert_allclose(PartDistance(part, box)(points), [-13, -5, 0], atol=2e-3)
 
 
 def test_a_turned_box_around_a_turned_part_chooses_the_same_nodes():

@@ -1,0 +1,1 @@
+"""Structures from the files of other programs: one format a file."""
