@@ -255,10 +255,8 @@ def _cells(options: argparse.Namespace) -> int:
     rows = listing(cells, **kept)
     # As wide as the terminal; whole where it is read by another program.
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
-    if options.json:
-        print(json.dumps([row.as_dict() for row in rows], indent=2))
-    else:
-        print(listing_text(rows, width))
+    table = [row.as_dict() for row in rows]
+    print(json.dumps(table, indent=2) if options.json else listing_text(rows, width))
     return 0
 
 
@@ -295,23 +293,20 @@ def _cell(options: argparse.Namespace) -> int:
 
 
 def _stiffness(cell: "UnitCell", radius: float, png: Path | None) -> None:
+    from fea.plane_stiffness import PlaneStiffness
     from texmap_opt.cells.homogenised import fitting_joint_model, homogenised_cell
     from texmap_opt.cells.homogenised_plane import homogenised_plane_cell
     from texmap_opt.report.drawing import draw_polar_stiffness, draw_stiffness
 
-    model = fitting_joint_model(cell, radius)
-    quantity = "Young's modulus\nover the solid's"
-    if cell.dimensions == 3:
-        homogenised = homogenised_cell(cell, radius=radius, joint_model=model)
-        print("\n".join(f"  {line}" for line in homogenised.text().splitlines()))
-        if png:
-            draw_stiffness(homogenised.stiffness.directional_modulus(), png, quantity=quantity)
-    else:
-        plane = homogenised_plane_cell(cell, radius=radius, joint_model=model)
-        print("\n".join(f"  {line}" for line in plane.text().splitlines()))
-        if png:
-            draw_polar_stiffness(plane.stiffness.polar_modulus(), png, quantity=quantity)
+    homogenise = homogenised_cell if cell.dimensions == 3 else homogenised_plane_cell
+    found = homogenise(cell, radius=radius, joint_model=fitting_joint_model(cell, radius))
+    print("\n".join(f"  {line}" for line in found.text().splitlines()))
     if png:
+        quantity = "Young's modulus\nover the solid's"
+        if isinstance(found.stiffness, PlaneStiffness):
+            draw_polar_stiffness(found.stiffness.polar_modulus(), png, quantity=quantity)
+        else:
+            draw_stiffness(found.stiffness.directional_modulus(), png, quantity=quantity)
         print(f"  picture: {png}")
 
 
