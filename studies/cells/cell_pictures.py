@@ -28,6 +28,18 @@ DRAWN_DENSITY = 0.1
 # Height of extruded cells over their first edge, in pictures.
 LOW = 0.45
 
+# What README shows of the library.
+OVERVIEW = (
+    "octet",
+    "tetrakaidecahedron",
+    "dodecahedron",
+    "rhombic-dodecahedron",
+    "column",
+    "honeycomb",
+    "octagon",
+    "rubber-band",
+)
+
 DARK, PALE, LINE = "#3f5468", "#c9d3dc", "#93a2b1"
 TIMEOUT_S = 900.0
 
@@ -156,6 +168,19 @@ def _walls(
     discs = ends.reshape(-1, 1, 2) + np.repeat(radius, 2)[:, None, None] * ring
     for shapes in (quads, discs):
         axes.add_collection(PolyCollection(list(shapes), facecolors=colour, linewidths=0))
+
+
+def draw_overview() -> None:
+    """Eight cells in two rows, for README, out of their pictures."""
+    halves = []
+    for name in OVERVIEW:
+        with Image.open(IMAGES / f"{name}.jpg") as opened:
+            halves.append(opened.crop((0, 0, HALF, HALF)))
+    rows = len(halves) // 2
+    whole = Image.new("RGB", (rows * HALF, 2 * HALF), "white")
+    for number, half in enumerate(halves):
+        whole.paste(half, (number % rows * HALF, number // rows * HALF))
+    whole.save(IMAGES.with_suffix(".jpg"), quality=QUALITY, optimize=True)
 
 
 def _cropped(png: Path) -> Image.Image:

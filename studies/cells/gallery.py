@@ -3,14 +3,14 @@
     python3 studies/cells/gallery.py [CELL ...] [--page] [--no-numbers] [--no-pictures]
 
 Homogenises each cell (or those named) at several densities, a minute or two in all, draws it, and
-writes results.json here, docs/images/cells/ and docs/cells.md. With --page nothing is measured or drawn
-anew: the page is written from results.json.
+writes results.json here, docs/images/cells/, docs/images/cells.jpg and docs/cells.md. With --page nothing
+is measured or drawn anew: the page is written from results.json.
 """
 
 import argparse
 
 import jax
-from cell_pictures import draw_pictures
+from cell_pictures import draw_overview, draw_pictures
 from charts import draw_charts
 from measured import DENSITIES, laws, measured, read_results, write_results
 from page import PAGE, page
@@ -34,6 +34,7 @@ def main() -> None:
         results = read_results()
         if not given.no_pictures:
             draw_pictures(names, results)
+            draw_overview()
         draw_charts(results)
     PAGE.write_text(page(read_results()), encoding="utf-8")
 

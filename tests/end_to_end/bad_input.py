@@ -124,6 +124,7 @@ BAD_INPUTS = (
     BadInput("extrusion of a 3-D cell", ('"bcc"', '"bcc"\nextrusion = "x"'), says=("extrusion", "bcc", "2.5-D")),
     BadInput("section of walls", ('"bcc"', '"octagon"\nsection = "round"'), says=("section", "octagon", "walls")),
     BadInput("fixed end of an extrusion", ('"bcc"\n' + FROM_CELLS, '"octagon"\n' + FROM_CELLS.replace('"uniform"', '"uniform"\nfixed_faces = ["+z"]')), says=("fixed_faces", "+z", "extrusion")),
+    BadInput("load along the walls of a 2.5-D cell", ('"bcc"', '"octagon"'), says=("[[load]] 1", "bend about that axis only", "extrusion")),
     BadInput("radius that fills the cells", ("radius_mm = 0.8", "radius_mm = 6"), says=("radius_mm", "fills")),
     BadInput("radius too thin to print", ("radius_mm = 0.8", "radius_mm = 0.01"), says=("radius_mm", "print")),
     BadInput("skin thicker than the part", ("skin_mm = 1.0", "skin_mm = 11"), code=1, says=("skin_mm", "no room")),

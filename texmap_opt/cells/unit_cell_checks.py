@@ -13,9 +13,9 @@ from texmap_opt.structure.segment_distance import segment_distance
 from texmap_opt.structure.tile import Net, tile
 
 AXES = "xyz"
-# Enough to see a net fall apart: a cell meets its neighbours on all sides, and both parities of a
-# mirrored tiling occur along each axis. The middle one of three has all its neighbours.
-CONNECTED_BLOCK, WHOLE_BLOCK = 2, 3
+# The middle one of three cells has all its neighbours; where all cells are copies, two show both sides.
+# Of a mirrored tiling two show only one of the faces in which cells meet.
+COPIES, WHOLE_BLOCK = 2, 3
 # Struts nearer than this touch [cells]: above the rounding of coordinates to ticks.
 TOUCHING = 2 / TICKS
 
@@ -99,7 +99,7 @@ def _unmatched_faces(cell: UnitCell, axis: int) -> Iterator[Fault]:
 
 
 def _separate_nets(cell: UnitCell) -> Iterator[Fault]:
-    block = (CONNECTED_BLOCK,) * cell.dimensions
+    block = tuple(WHOLE_BLOCK if mirrored else COPIES for mirrored in cell.mirrored)
     net = tile(cell, block)
     n = len(net.joints)
     graph = scipy.sparse.coo_array((np.ones(len(net.struts)), tuple(net.struts.T)), shape=(n, n))
@@ -129,7 +129,7 @@ def _loose_ends(cell: UnitCell) -> Iterator[Fault]:
 
 def _crossings(cell: UnitCell) -> Iterator[Fault]:
     """Struts that cross or overlap between their joints are not joined there, but print as one."""
-    net = tile(cell, (CONNECTED_BLOCK,) * cell.dimensions)
+    net = tile(cell, (COPIES,) * cell.dimensions)
     ends = net.joints[net.struts]
     flat = np.zeros((len(ends), 2, 3))
     flat[..., : cell.dimensions] = ends

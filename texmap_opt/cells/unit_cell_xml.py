@@ -17,8 +17,9 @@ from texmap_opt.cells.unit_cell import CLASSIFICATIONS, SECTIONS, TICKS, TILINGS
 from texmap_opt.cells.unit_cell_checks import first_fault
 from texmap_opt.errors import CellError, nearest_name
 
-# A decimal or a fraction, not negative, as in the schema; Python's numbers allow more (1e3, nan).
-COORDINATE = re.compile(r"[0-9]+(\.[0-9]+)?|[0-9]+/[1-9][0-9]*")
+# A decimal or a fraction, not negative, as in the schema; Python's numbers allow more (1e3, nan), and
+# integers of thousands of digits are not read at all.
+COORDINATE = re.compile(r"[0-9]{1,99}(\.[0-9]{1,99})?|[0-9]{1,99}/[1-9][0-9]{0,98}")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._\-]*")
 UNITS = ("cell", "mm")
 NEEDED = {"name", "dimensions", "unit", "section", "tiling"}
@@ -59,10 +60,12 @@ def _root(path: Path) -> etree._Element:
         resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True
     )
     try:
-        return etree.parse(str(path), parser).getroot()
+        # Read first: the parser's own OSError may also mean letters that are none.
+        return etree.fromstring(path.read_bytes(), parser)
     except etree.XMLSyntaxError as failure:
         raise CellError(
-            f"{path.name}, line {failure.lineno}: is not XML ({failure.msg})."
+            f"{path.name}, line {failure.lineno or 1}: is not XML ({failure.msg}); correct it, or write "
+            "the file again."
         ) from failure
     except OSError as failure:
         raise CellError(

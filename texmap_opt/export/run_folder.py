@@ -159,6 +159,7 @@ def _write_files(run: Run, folder: Path) -> None:
         provenance={
             "program": f"texmap-opt {run.report['version']}",
             "case": case.path.name,
+            "case.toml": case.to_toml(),
             "cell": run.cell.name,
             "warp": run.warp.method,
         },

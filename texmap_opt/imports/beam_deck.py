@@ -43,7 +43,7 @@ def read_beam_deck(path: Path, *, mm_per_unit: float) -> Imported:
     path = Path(path)
     deck = _Deck(path.name)
     try:
-        with path.open(encoding="utf-8", errors="replace") as file:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
             for number, text in enumerate(file, 1):
                 deck.line_number = number
                 deck.take(text.strip())
@@ -148,7 +148,8 @@ class _Deck:
         if found is None:
             self.left_out += 1
             return
-        number, *nodes = [self.whole(entry) for entry in entries if entry]
+        given = entries[0], *filter(None, entries[1:])
+        number, *nodes = [self.whole(entry) for entry in given]
         size = 3 if found[1] == "2" else 2
         # One more node may tell the direction of the section's first axis.
         if len(nodes) not in (size, size + 1):

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xmlschema
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.cells.unit_cell_xml import read_unit_cell
@@ -46,6 +48,7 @@ MISTAKES = {
     "outside the cube": (">1 0.5 0.5<", ">1.5 0.5 0.5<", 8, "outside the unit cube", False),
     "negative coordinate": (">1 0.5 0.5<", ">-0.5 0.5 0.5<", 8, "outside the unit cube", True),
     "not a number": (">1 0.5 0.5<", ">1 nan 0.5<", 8, 'is at "1 nan 0.5"', True),
+    "too many digits": (">1 0.5 0.5<", f">1 0.5 0.{'5' * 5000}<", 8, "it needs 3 coordinates", False),
     "two coordinates": (">1 0.5 0.5<", ">1 0.5<", 8, "3 coordinates", False),
     "repeated strut": ('from="m" to="xp"', 'from="xm" to="m"', 16, "repeats line 15", False),
     "strut without length": ('from="m" to="xp"', 'from="m" to="m"', 16, "has no length", False),
@@ -180,6 +183,22 @@ def test_a_net_that_falls_apart_is_refused(tmp_path: Path):
         read_unit_cell(written(tmp_path, text))
 
 
+def test_mirrored_cells_must_meet_in_both_their_faces(tmp_path: Path):
+    """A wall with a branch to the right: cells 0 and 1 are joined, 2 and 3, but not 1 and 2."""
+    joints = {"a": "0.5 0", "b": "0.5 0.5", "c": "0.5 1", "d": "1 0.3", "e": "1 0.7"}
+    pairs = ("ab", "bc", "bd", "be", "de")
+    text = (
+        '<unit_cell name="t" dimensions="2" unit="cell" section="wall" tiling="mirror translate">'
+        "<description>T</description><source>T</source><joints>"
+        + "".join(f'<joint id="{k}">{v}</joint>' for k, v in joints.items())
+        + "</joints><struts>"
+        + "".join(f'<strut from="{p[0]}" to="{p[1]}"/>' for p in pairs)
+        + "</struts></unit_cell>"
+    )
+    with pytest.raises(CellError, match=r"a block of 3 x 2 cells .* falls into 2 separate nets"):
+        read_unit_cell(written(tmp_path, text))
+
+
 def test_a_loose_end_is_refused(tmp_path: Path):
     """The bars of a jack and one that ends in the open."""
     more = '<joint id="zp">0.5 0.5 1</joint><joint id="e">0.9 0.9 0.9</joint>'
@@ -242,3 +261,31 @@ def test_a_missing_file_is_named(tmp_path: Path):
 def test_a_path_is_relative_to_the_case_file(tmp_path: Path):
     written(tmp_path, GOOD)
     assert unit_cell("jack.xml", base=tmp_path).name == "jack"
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), name=st.sampled_from(["octet", "bi-stable", "tetrahedron"]))
+def test_a_spoilt_file_is_refused_in_words_or_read(seed, name, tmp_path_factory):
+    """Cut short, letters exchanged, lines lost or doubled: a cell or a CellError, nothing else."""
+    rng = np.random.default_rng(seed)
+    good = (SCHEMA.parent / f"{name}.xml").read_bytes()
+    kind = rng.integers(4)
+    text = bytearray(good)
+    if kind == 0:
+        text = text[: rng.integers(len(text))]
+    elif kind == 1:
+        for place in rng.integers(len(text), size=3):
+            text[place] = rng.integers(256)
+    else:
+        lines = good.splitlines(keepends=True)
+        line = int(rng.integers(len(lines)))
+        lines[line : line + 1] = [] if kind == 2 else [lines[line]] * 2
+        text = b"".join(lines)
+    path = tmp_path_factory.mktemp("spoilt") / "cell.xml"
+    path.write_bytes(bytes(text))
+    said = "cell.xml, line "
+    try:
+        read_unit_cell(path)
+    except CellError as refused:
+        said = str(refused)
+    assert said.startswith("cell.xml, line ")
