@@ -278,7 +278,8 @@ class EffectiveStiffness:
         Ranganathan, Ostoja-Starzewski, Phys. Rev. Lett. 101 (2008) 055504.
         """
         stiff, soft = self.voigt_average, self.reuss_average
-        return 5 * stiff.shear / soft.shear + stiff.bulk / soft.bulk - 6
+        # Not below zero by its definition, but by rounding.
+        return max(5 * stiff.shear / soft.shear + stiff.bulk / soft.bulk - 6, 0.0)
 
     # Averages over all orientations (Hill, Proc. Phys. Soc. A 65 (1952) 349) -------------------
 

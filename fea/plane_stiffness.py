@@ -203,7 +203,8 @@ class PlaneStiffness:
         Rev. Lett. 101 (2008) 055504, with the one area modulus and the two shears of a plane.
         """
         stiff, soft = self.voigt_average, self.reuss_average
-        return 2 * stiff.shear / soft.shear + stiff.area / soft.area - 3
+        # Not below zero by its definition, but by rounding.
+        return max(2 * stiff.shear / soft.shear + stiff.area / soft.area - 3, 0.0)
 
     # Averages over all orientations ------------------------------------------------------------
 

@@ -187,6 +187,12 @@ class LatticeSection:
         "scaled: the radius follows the size of the warped cell",
         default="constant",
     )
+    sliver_share: float = key(
+        number(least=0.0, most=0.5),
+        "struts cut shorter than this share of their cell's edge are left out where both ends reach the "
+        "surface anyway",
+        default=0.05,
+    )
     section: str | None = key(
         choice("round", "square"),
         "section of the struts of a 3-D cell (absent: the cell's own)",

@@ -98,7 +98,7 @@ def _read(case: DesignCase, name: str) -> UnitCell:
 def _same(one: UnitCell, other: UnitCell) -> bool:
     """The same cell, by whatever name it was asked for."""
     return (
-        one.name == other.name
+        (one.name, one.mirrored, one.proportions) == (other.name, other.mirrored, other.proportions)
         and np.array_equal(one.joints, other.joints)
         and np.array_equal(one.struts, other.struts)
         and np.array_equal(one.relative_radius, other.relative_radius)

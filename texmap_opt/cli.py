@@ -156,22 +156,22 @@ def _convert_options(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, required=True, help="XML, NPZ, INP, 3MF or VTP"
     )
     parser.add_argument(
-        "--unit", default="mm", choices=["mm", "cm", "m", "in"], help="of an INP or VTK file read"
+        "--unit", choices=["mm", "cm", "m", "in"], help="of an INP or VTK file read; default mm"
     )
     parser.add_argument("--radius", type=float, help="where a VTK or LTCX file has none [mm]")
     parser.add_argument(
-        "--section", default="round", choices=["round", "square"], help="of a VTK or LTCX file"
+        "--section", choices=["round", "square"], help="of a VTK or LTCX file; default round"
     )
     parser.add_argument(
-        "--solver", default="abaqus", choices=["abaqus", "calculix"], help="an INP file is for"
+        "--solver", choices=["abaqus", "calculix"], help="an INP file is for; default abaqus"
     )
     parser.add_argument(
-        "--segments", type=int, default=1, help="elements of a strut in an INP file"
+        "--segments", type=int, help="elements of a strut in an INP file; default 1"
     )
     parser.add_argument("--material", help="of an INP file, by its name")
     parser.add_argument("--cell", metavar="NAME", help="write it as a unit cell of that name (XML)")
     parser.add_argument(
-        "--tiling", default="translate", choices=["translate", "mirror"], help="of --cell"
+        "--tiling", help="of --cell: translate (default), mirror, or a word an axis in one argument"
     )
 
 
@@ -261,9 +261,7 @@ def _cells(options: argparse.Namespace) -> int:
 
 
 def _computing(count: int) -> None:
-    print(
-        f"computing the stiffness of {count} cells; it is kept for the next time", file=sys.stderr
-    )
+    print(f"computing the stiffness of {count} cells; what is found is kept", file=sys.stderr)
 
 
 def _cell(options: argparse.Namespace) -> int:
@@ -330,32 +328,32 @@ def _convert(options: argparse.Namespace) -> int:
     from texmap_opt.structure_file import (
         BeamDeck,
         Reading,
-        check_structure_ending,
+        check_conversion,
+        lost_in_cell,
         read_structure_file,
         write_structure_file,
     )
 
-    check_structure_ending(options.output)
-    if options.cell is not None and options.output.suffix.lower() != ".xml":
-        raise InputError(f"--cell: a unit cell is written as XML, not as {options.output.name}.")
+    check_conversion(options.input, options.output, vars(options))
     try:
         material = None if options.material is None else fea.material(options.material)
     except fea.FeaError as failure:
         raise InputError(f"--material: {failure}") from failure
-    reading = Reading(unit=options.unit, radius=options.radius, section=options.section)
+    reading = Reading(options.unit or "mm", options.radius, options.section or "round")
     source = read_structure_file(options.input, reading)
     if options.cell is not None:
         from texmap_opt.export.unit_cell import write_unit_cell
 
         name, origin = options.cell, options.input.name
-        write_unit_cell(
-            options.output, source.structure, name=name, source=origin, tiling=options.tiling
-        )
+        how = {"name": name, "source": origin, "tiling": options.tiling or "translate"}
+        write_unit_cell(options.output, source.structure, **how)
+        lost = lost_in_cell(source.structure)
     else:
-        deck = BeamDeck(solver=options.solver, segments=options.segments, material=material)
-        write_structure_file(options.output, source, deck)
-    for note in source.notes:
-        print(f"note: {options.input.name}: {note}")
+        segments = 1 if options.segments is None else options.segments
+        deck = BeamDeck(options.solver or "abaqus", segments, material)
+        lost = write_structure_file(options.output, source, deck)
+    for path, notes in ((options.input, source.notes), (options.output, lost)):
+        print("".join(f"note: {path.name}: {note}\n" for note in notes), end="")
     structure = source.structure
     print(
         f"{options.output}: {len(structure.joints):,} joints, {len(structure.struts):,} "

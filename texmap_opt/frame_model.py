@@ -18,10 +18,10 @@ from fea.frame_checks import free_frame_motion
 from fea.sections import section
 from texmap_opt.bearers import AbstractBearer, bearer_of
 from texmap_opt.case import DesignCase
-from texmap_opt.errors import LatticeError
+from texmap_opt.errors import CaseError, LatticeError
 from texmap_opt.joint_zones import JointZones
 from texmap_opt.part import Part
-from texmap_opt.plane_loads import out_of_plane_load
+from texmap_opt.plane_loads import REMEDY, out_of_plane_load
 from texmap_opt.plane_supports import FrameSupports, plane_supports
 from texmap_opt.skinned_frame import ABSENT, FrameSkin
 from texmap_opt.stress_field import MM_PER_M, StressField
@@ -155,16 +155,14 @@ def frame_model(
 
     Raises:
         LatticeError: a region that no strut or no vertex of the skin reaches, a strut end that
-            misses the skin, supports that contradict each other or leave a motion of the lattice,
-            a case whose loads act on held joints only, or loads out of the plane of walls.
+            misses the skin, supports that contradict each other or leave a motion of the lattice, or
+            a case whose loads act on held joints only.
+        CaseError: loads out of the plane of walls.
     """
     walls = structure.extrusion
     fault = None if walls is None else out_of_plane_load(case, stress, walls)
     if fault is not None:
-        raise LatticeError(
-            f"{fault}; extrude along another axis, take a 3-D cell, or give [sizing] method = "
-            '"none" for the geometry without its mechanics.'
-        )
+        raise CaseError(f"{fault}; {REMEDY}")
     bearer = bearer_of(structure, part, case, stress)
     axes, fixed, value = _supports(bearer, case, structure)
     names = case.load_cases

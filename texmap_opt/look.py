@@ -16,6 +16,7 @@ from texmap_opt.given_drivers import given_drivers
 from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import Part, read_part
 from texmap_opt.part_box import part_box
+from texmap_opt.plane_loads import require_loads_in_plane
 from texmap_opt.report.drawing import draw
 from texmap_opt.report.grid_layers import hexahedra
 from texmap_opt.report.marks import mark_of
@@ -140,12 +141,19 @@ def look(case: DesignCase) -> Look:
     cell, *others = case_cells(case)
     plan = plan_grid(case, part_box(case, part.surface, cell), cell)
     grid = plan.grid
+    require_loads_in_plane(case, grid.box)
     require_zones_in_grid(case, grid)
     given_drivers(case, grid)
     facets = _subdivided(part.surface, part.diagonal)
     regions = tuple(_seen(facets, action) for action in (*case.supports, *case.loads))
     net = uncut_lattice(case, tile(cell, grid.cells), grid, radius_mm=plan.radius_mm)
-    trimmed = trim(net, part, skin_mm=case.lattice.skin_mm, in_region=None, least_share=0.0)
+    trimmed = trim(
+        net,
+        part,
+        skin_mm=case.lattice.skin_mm,
+        least_share=0.0,
+        sliver_mm=case.lattice.sliver_share * float(grid.uniform_edge.mean()),
+    )
     struts = len(trimmed.structure.struts)
     # The cells of walls lie side by side in their plane only.
     filled = part
@@ -156,8 +164,8 @@ def look(case: DesignCase) -> Look:
     warnings = [*part.notes]
     if others:
         warnings.append(
-            f"struts are counted as if all cells were {cell.name}: which are in a zone shows in the "
-            "warped grid only."
+            f"struts are counted as if all cells were {cell.name}: only the warped grid tells which cells "
+            "lie in a zone."
         )
     if across < LEAST_CELLS_ACROSS:
         warnings.append(

@@ -16,6 +16,7 @@ from texmap_opt.given_drivers import given_drivers
 from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import read_part
 from texmap_opt.part_box import part_box
+from texmap_opt.plane_loads import require_loads_in_plane
 from texmap_opt.progress import Progress, Silent
 from texmap_opt.report.numbers import report_numbers
 from texmap_opt.run_result import Run
@@ -64,6 +65,7 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         for note in part.notes:
             progress.warn(f"{part.name}: {note}")
         plan = plan_grid(case, part_box(case, part.surface, cell), cell)
+        require_loads_in_plane(case, plan.grid.box)
         require_zones_in_grid(case, plan.grid)
         given = given_drivers(case, plan.grid)
         progress.detail(f"{len(part.surface.faces):,} triangles, {part.volume:,.0f} mm³")

@@ -3,10 +3,14 @@
 The rules are those of docs/decisions/0011-mechanics-of-extruded-lattices.md.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 
+from texmap_opt.box import Box
 from texmap_opt.case import DesignCase, Load
+from texmap_opt.errors import CaseError
 from texmap_opt.stress_field import StressField
 from texmap_opt.structure.structure import Extrusion
 
@@ -17,6 +21,38 @@ OUT_OF_PLANE = 1e-2
 # Distance of a load's line of action from the plane half way between the ends of the walls, over
 # their depth, from which on the user is told.
 NOTABLE_ECCENTRICITY = 0.1
+
+
+REASON = (
+    ", but the walls of an extruded lattice bend about that axis only, and carry no load along it in "
+    "this model"
+)
+# Share of a load's forces that may act along the axis and balance each other, as on sides with a draft.
+BALANCED = 0.1
+REMEDY = (
+    "extrude along another axis, take a 3-D cell, or give [sizing] method = "
+    '"none" for the geometry without its mechanics.'
+)
+# What a load's vectors are called.
+FORCES = ("force_N", "traction_MPa", "gravity_m_s2")
+
+
+def require_loads_in_plane(case: DesignCase, box: Box) -> None:
+    """Refuse loads that the case itself puts out of the plane of walls, before anything is computed.
+
+    Args:
+        case: its loads; where nothing is sized, all are let pass.
+        box: of the grid; in three dimensions there are no walls.
+
+    Raises:
+        CaseError: naming the load, its direction and the reason.
+    """
+    if box.dimensions == 3 or case.sizing.method == "none":
+        return
+    for load in case.loads:
+        fault = _stated(load, box.axes[2])
+        if fault is not None:
+            raise CaseError(f"{load.where} {fault}{REASON}; {REMEDY}")
 
 
 def out_of_plane_load(case: DesignCase, stress: StressField, walls: Extrusion) -> str | None:
@@ -30,10 +66,7 @@ def out_of_plane_load(case: DesignCase, stress: StressField, walls: Extrusion) -
     for load, nodal in zip(case.loads, stress.load_forces, strict=True):
         fault = _fault(load, _Resultant.of(load, nodal, stress, walls), walls)
         if fault is not None:
-            return (
-                f"{load.where} {fault}, but the walls of an extruded lattice bend about that axis only, "
-                "and carry no load along it in this model"
-            )
+            return f"{load.where} {fault}{REASON}"
     return None
 
 
@@ -51,18 +84,23 @@ def eccentric_loads(case: DesignCase, stress: StressField, walls: Extrusion) -> 
     return notes
 
 
+@dataclass(frozen=True)
 class _Resultant:
     """Force and moment of a load on the surface, in the plane of the walls and out of it.
 
     Attributes:
         size: sum of the sizes of the forces [N].
         force: along the axis of extrusion [N].
+        along: sum of the sizes of the forces along it, balanced or not [N].
         within: size of the force in the plane [N].
         moment: size of the moment about axes in the plane through its middle [N mm].
     """
 
-    def __init__(self, size: float, force: float, within: float, moment: float):
-        self.size, self.force, self.within, self.moment = size, force, within, moment
+    size: float
+    force: float
+    along: float
+    within: float
+    moment: float
 
     @classmethod
     def of(
@@ -73,7 +111,7 @@ class _Resultant:
         walls: Extrusion,
     ) -> "_Resultant":
         if load.region is None:
-            return cls(0.0, 0.0, 0.0, 0.0)
+            return cls(0.0, 0.0, 0.0, 0.0, 0.0)
         axis, along = walls.axis, nodal @ walls.axis
         flat = nodal - along[:, None] * axis
         height = stress.mesh.nodes @ axis - (walls.low + walls.high) / 2
@@ -87,6 +125,7 @@ class _Resultant:
         return cls(
             float(np.linalg.norm(nodal, axis=1).sum()),
             float(along.sum()),
+            float(np.abs(along).sum()),
             float(np.linalg.norm(flat.sum(axis=0))),
             float(np.linalg.norm(moment)),
         )
@@ -97,26 +136,39 @@ class _Resultant:
         return self.moment / self.within if self.within > OUT_OF_PLANE * self.size else 0.0
 
 
-def _fault(load: Load, resultant: _Resultant, walls: Extrusion) -> str | None:
-    """What of a load acts out of the plane, in words; None: nothing."""
-    axis = "[" + ", ".join(f"{c:.3g}" for c in walls.axis) + "]"
-    if load.gravity_m_s2 is not None:
-        g = np.array(load.gravity_m_s2)
-        if abs(g @ walls.axis) > OUT_OF_PLANE * np.linalg.norm(g):
-            return (
-                f"gravity_m_s2 = {list(load.gravity_m_s2)}: acts along the axis of extrusion {axis}"
-            )
+def _stated(load: Load, axis: Float[np.ndarray, " 3"]) -> str | None:
+    """Which vector of a load points out of the plane, in words; None: none does."""
+    for name in FORCES:
+        value = getattr(load, name)
+        if value is not None and abs(np.array(value) @ axis) > OUT_OF_PLANE * np.linalg.norm(value):
+            return f"{name} = {list(value)}: acts along the axis of extrusion {_text(axis)}"
     if load.moment_Nmm is not None:
         moment = np.array(load.moment_Nmm)
-        bending = np.linalg.norm(moment - moment @ walls.axis * walls.axis)
+        bending = np.linalg.norm(moment - moment @ axis * axis)
         if bending > OUT_OF_PLANE * np.linalg.norm(moment):
-            return (
-                f"moment_Nmm = {list(load.moment_Nmm)}: turns across the axis of extrusion {axis}"
-            )
+            return f"moment_Nmm = {list(load.moment_Nmm)}: turns across the axis of extrusion {_text(axis)}"
+    return None
+
+
+def _text(axis: Float[np.ndarray, " 3"]) -> str:
+    return "[" + ", ".join(f"{c + 0.0:.3g}" for c in axis) + "]"
+
+
+def _fault(load: Load, resultant: _Resultant, walls: Extrusion) -> str | None:
+    """What of a load acts out of the plane, in words; None: nothing."""
+    stated = _stated(load, walls.axis)
+    if stated is not None:
+        return stated
+    axis = _text(walls.axis)
     if abs(resultant.force) > OUT_OF_PLANE * resultant.size:
         return (
             f"acts with {resultant.force:.3g} N along the axis of extrusion {axis}, more than "
             f"{100 * OUT_OF_PLANE:g} % of its {resultant.size:.3g} N"
+        )
+    if resultant.along > BALANCED * resultant.size:
+        return (
+            f"acts with {resultant.along:.3g} N to and fro along the axis of extrusion {axis}, more than "
+            f"{100 * BALANCED:g} % of its {resultant.size:.3g} N"
         )
     reach = (walls.high - walls.low) / 2
     if resultant.moment > (1 + OUT_OF_PLANE) * reach * max(

@@ -51,7 +51,13 @@ def trimmed_lattice(
 
     skin = lattice.skin_mm
     # Under a skin, supports and loads act on it alone.
-    return trim(uncut, part, skin_mm=skin, in_region=None if skin > 0 else in_region)
+    return trim(
+        uncut,
+        part,
+        skin_mm=skin,
+        in_region=None if skin > 0 else in_region,
+        sliver_mm=lattice.sliver_share * float(grid.uniform_edge.mean()),
+    )
 
 
 def uncut_lattice(case: DesignCase, net: Net, grid: Grid, *, radius_mm: float) -> Structure:

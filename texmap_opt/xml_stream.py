@@ -1,7 +1,7 @@
 """XML read as a stream of events: memory holds what the listener keeps, never a tree."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from io import BufferedIOBase
 from typing import NoReturn
 from xml.parsers import expat
@@ -66,6 +66,14 @@ class XmlStream:
     def refuse(self, message: str) -> NoReturn:
         """Stop at the line that has been read."""
         raise StructureError(f"{self.file}, line {self.parser.CurrentLineNumber}: {message}")
+
+    def demand(self, tag: str, attributes: Mapping[str, str], keys: Iterable[str]) -> None:
+        """Refuse an element without one of these attributes."""
+        for key in keys:
+            if key not in attributes:
+                self.refuse(
+                    f'<{tag}> lacks its attribute "{key}"; add it, or write the file again.'
+                )
 
     def numbers(self, words: list[str], what: str, count: int) -> list[float]:
         """So many finite numbers."""

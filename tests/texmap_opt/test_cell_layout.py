@@ -34,6 +34,7 @@ cell = "CELL"
 cells = CELLS
 radius_mm = 0.8
 """
+LIBRARY = Path(__file__).parents[2] / "library"
 BOUNDS = np.array([[-10.0, -10, -10], [50, 30, 30]])
 
 
@@ -189,6 +190,14 @@ def test_a_cell_that_does_not_go_with_the_others_is_refused(cell, words, tmp_pat
     with pytest.raises(CaseError, match=re.escape(words)) as refused:
         case_cells(case_of(zone, tmp_path))
     assert f'case.toml: [[zone]] 1 cell = "{cell}"' in str(refused.value)
+
+
+def test_a_cell_that_differs_in_its_tiling_alone_is_another_and_needs_another_name(tmp_path):
+    own = (LIBRARY / "diamond.xml").read_text().replace('"translate"', '"mirror"')
+    (tmp_path / "own.xml").write_text(own.replace('symmetry="cubic"', ""))
+    zone = '[[zone]]\ncell = "own.xml"\nf_least = 1'
+    with pytest.raises(CaseError, match=r'named "diamond".* give each unit cell a name of'):
+        case_cells(case_of(zone, tmp_path, cell="diamond"))
 
 
 @pytest.mark.parametrize(

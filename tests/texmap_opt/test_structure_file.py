@@ -118,7 +118,10 @@ def test_the_command_converts_and_says_what_was_left_out(
     deck = tmp_path / "s.inp"
     options = ("--solver", "calculix", "--segments", 2, "--material", "PA12")
     assert convert(tmp_path / "s.xml", "-o", deck, *options) == 0
-    assert capsys.readouterr().out == f"{deck}: 4 joints, 4 round struts\n"
+    assert capsys.readouterr().out == (
+        "note: s.inp: not kept, for want of a place: the cell and kind of each strut\n"
+        f"{deck}: 4 joints, 4 round struts\n"
+    )
     assert "*ELASTIC" in deck.read_text()
     lattice, again = tmp_path / "s.3mf", tmp_path / "t.npz"
     assert convert(deck, "-o", lattice, "--unit", "cm") == 0
@@ -132,11 +135,104 @@ def test_the_command_converts_and_says_what_was_left_out(
     assert lengths.sum() == pytest.approx(10 * ladder().lengths().sum())
 
 
+def test_a_unit_that_is_not_known_is_refused():
+    with pytest.raises(InputError, match=r'unit = "km"; did you mean "m"|unit = "km"; known: cm'):
+        Reading(unit="km")
+
+
+def whole(s: Structure) -> Imported:
+    """With all that only our own files keep."""
+    s = replace(s, cut=np.arange(4) == 2, cell_size=np.full(4, 2.0))
+    return Imported(s, provenance={"cell": "octet", "file": "a.xml"})
+
+
+LOST = [
+    "the cell and kind of each",
+    "the size of cells",
+    "which joints were cut",
+    "how the structure",
+]
+
+
+@pytest.mark.parametrize("ending", WRITE_ENDINGS)
+def test_what_a_format_cannot_keep_is_said(ending: str, tmp_path: Path):
+    """And what reading gives back shows that it was lost, or that nothing was."""
+    source = whole(ladder())
+    notes = write_structure_file(tmp_path / f"s{ending}", source)
+    again = read_structure_file(tmp_path / f"s{ending}")
+    same = (
+        again.structure.origin is not None
+        and (again.structure.cut == source.structure.cut).all()
+        and (again.structure.cell_size == source.structure.cell_size).all()
+        and again.provenance == source.provenance
+    )
+    assert same == (not notes)
+    if notes:
+        assert len(notes) == len(LOST)
+        for note, words in zip(notes, LOST, strict=True):
+            assert words in note
+
+
+def test_what_was_never_there_is_not_said_to_be_lost(tmp_path: Path):
+    plain = Imported(replace(ladder(), origin=None), provenance={"file": "a.3mf"})
+    for ending in WRITE_ENDINGS:
+        assert write_structure_file(tmp_path / f"s{ending}", plain) == ()
+
+
+def test_sections_tapers_and_heights_that_are_lost_are_said(tmp_path: Path):
+    square, high = replace(ladder("square"), origin=None), replace(walls(), origin=None)
+    (note,) = write_structure_file(tmp_path / "s.vtp", Imported(square))
+    assert "read it with --section square" in note
+    (note,) = write_structure_file(tmp_path / "s.vtp", Imported(high))
+    assert "the direction and heights of the walls were not kept" in note
+    # The deepest wall is as high as the extrusion, so that reading finds the heights again.
+    assert write_structure_file(tmp_path / "s.inp", Imported(high)) == ()
+    assert high.extrusion is not None
+    high = replace(high, extrusion=replace(high.extrusion, high=3.0))
+    (note,) = write_structure_file(tmp_path / "s.inp", Imported(high))
+    assert "the heights of the extrusion, -2 to 3 mm" in note
+    tapered = square.with_radii(square.radii * [1, 3])
+    (note,) = write_structure_file(tmp_path / "s.inp", Imported(tapered))
+    # A strut from 0.5 to 1.5 has 1 in the middle.
+    assert note == (
+        "4 struts taper, an element has one radius, that of its middle: radii changed by up to 0.5 mm"
+    )
+
+
 MISTAKES = {
     "ending": (["s.xml", "-o", "s.stl"], 'the ending ".stl" is not one of'),
     "material": (["s.xml", "-o", "s.inp", "--material", "PA13"], 'did you mean "PA12"'),
     "segments": (["s.xml", "-o", "s.inp", "--segments", "0"], "at least 1 element"),
-    "radius": (["s.xml", "-o", "s.inp", "--radius", "-1"], "--radius -1: must be above 0"),
+    "radius": (["s.vtk", "-o", "s.inp", "--radius", "-1"], "--radius -1: must be above 0"),
+    "unit of our own": (
+        ["s.xml", "-o", "t.npz", "--unit", "m"],
+        "--unit: is for reading .inp, .vtp",
+    ),
+    "radius of a deck": (
+        ["d.inp", "-o", "t.npz", "--radius", "3"],
+        "--radius: is for reading .ltcx",
+    ),
+    "section of a deck": (["d.inp", "-o", "t.npz", "--section", "round"], "d.inp tells its own"),
+    "radius for radii": (
+        ["d.vtp", "-o", "t.npz", "--radius", "3"],
+        "has radii in radius_mm; leave",
+    ),
+    "solver": (["s.xml", "-o", "t.3mf", "--solver", "abaqus"], "--solver: is for writing .inp"),
+    "segments of npz": (["s.xml", "-o", "t.npz", "--segments", "1"], "--segments: is for writing"),
+    "material of vtp": (
+        ["s.xml", "-o", "t.vtp", "--material", "PA12"],
+        "--material: is for writing",
+    ),
+    "tiling": (["s.xml", "-o", "t.xml", "--tiling", "mirror"], "--tiling: is of a unit cell"),
+    "tiling misspelt": (
+        ["s.xml", "-o", "t.xml", "--cell", "t", "--tiling", "mirror glide mirror"],
+        'tiling is "glide"',
+    ),
+    "cell as npz": (["s.xml", "-o", "t.npz", "--cell", "t"], "a unit cell is written as XML"),
+    "segments of a cell": (
+        ["s.xml", "-o", "t.xml", "--cell", "t", "--segments", "2"],
+        "leave it out",
+    ),
     "broken": (["b.xml", "-o", "s.npz"], "b.xml, line 3: is not XML"),
     "missing": (["c.xml", "-o", "s.npz"], "cannot be read"),
 }
@@ -151,6 +247,8 @@ def test_a_mistake_is_one_sentence_with_code_2_and_no_file(
 ):
     monkeypatch.chdir(tmp_path)
     write_structure_file(tmp_path / "s.xml", Imported(ladder()))
+    write_structure_file(tmp_path / "d.inp", Imported(ladder()))
+    write_structure_file(tmp_path / "d.vtp", Imported(ladder()))
     text = (tmp_path / "s.xml").read_text()
     (tmp_path / "b.xml").write_text("\n".join(text.splitlines()[:2]) + "\n")
     before = sorted(tmp_path.iterdir())

@@ -66,10 +66,10 @@ class HomogenisedCell:
             f"{surface.E.max():.4g} along {_direction(surface.stiffest)}",
             f"G         {', '.join(f'{G:.4g}' for G in constants.G)} in yz, xz, xy",
             f"nu        {', '.join(f'{nu:.4g}' for nu in constants.nu)} as nu_yz, nu_xz, nu_xy",
-            f"bulk      {effective.bulk_modulus:.4g}, of the Hashin-Shtrikman bound "
-            f"{effective.bulk_modulus / bound.bulk:.3g}",
-            f"average   E {hill.E:.4g}, nu {hill.nu:.4g} over all orientations (Hill); of the bound "
-            f"{hill.E / bound.E:.3g}",
+            f"bulk      {effective.bulk_modulus:.4g}, "
+            f"{100 * effective.bulk_modulus / bound.bulk:.3g} % of the Hashin-Shtrikman bound",
+            f"average   E {hill.E:.4g}, nu {hill.nu:.4g} over all orientations (Hill); "
+            f"{100 * hill.E / bound.E:.3g} % of the bound",
             f"anisotropy  {anisotropy}",
         ]
         return "\n".join(lines)

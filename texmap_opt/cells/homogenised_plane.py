@@ -70,7 +70,7 @@ class HomogenisedPlaneCell:
             f"{polar.E.max():.4g} at {_degrees(polar.stiffest)} from x",
             f"G         {constants.G:.4g}",
             f"nu        {constants.nu_xy + 0.0:.4g}, {constants.nu_yx + 0.0:.4g} as nu_xy, nu_yx",
-            f"area      modulus {area:.4g}, of the Hashin-Shtrikman bound {area / bound.area:.3g}",
+            f"area      modulus {area:.4g}, {100 * area / bound.area:.3g} % of the Hashin-Shtrikman bound",
             f"anisotropy  universal anisotropy {effective.universal_anisotropy:.4g}",
         ]
         return "\n".join(lines)

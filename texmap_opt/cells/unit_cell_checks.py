@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse.csgraph
 from jaxtyping import Bool, Int
+from scipy.spatial import KDTree
 
 from texmap_opt.box_pairs import box_pairs
 from texmap_opt.cells.unit_cell import TICKS, UnitCell
@@ -18,6 +19,9 @@ AXES = "xyz"
 COPIES, WHOLE_BLOCK = 2, 3
 # Struts nearer than this touch [cells]: above the rounding of coordinates to ticks.
 TOUCHING = 2 / TICKS
+# Joints nearer than this are one joint with coordinates of too few digits [cells]: thinner than any
+# strut that prints.
+CLOSE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ def first_fault(cell: UnitCell) -> Fault | None:
 
 def _faults(cell: UnitCell) -> Iterator[Fault]:
     yield from _bare_joints(cell)
+    yield from _close_joints(cell)
     yield from _joints_in_struts(cell)
     for axis, mirrored in enumerate(cell.mirrored):
         if not mirrored:
@@ -57,6 +62,18 @@ def _bare_joints(cell: UnitCell) -> Iterator[Fault]:
             "joint",
             joint,
             f'joint "{cell.joint_names[joint]}" has no strut; remove it or join it.',
+        )
+
+
+def _close_joints(cell: UnitCell) -> Iterator[Fault]:
+    """Joints that are meant to be one, by their coordinates' last digits."""
+    for first, second in KDTree(cell.joints).query_pairs(CLOSE, output_type="ndarray"):
+        a, b = sorted((int(first), int(second)))
+        yield Fault(
+            "joint",
+            b,
+            f'joint "{cell.joint_names[b]}" is nearer than {CLOSE:g} cells to '
+            f'"{cell.joint_names[a]}"; make them one, or move them apart.',
         )
 
 

@@ -28,6 +28,8 @@ SOLVERS = ("abaqus", "calculix")
 NUMBER = "%.13g"
 # Sections that agree in so many digits become one: radii within 0.05 %, stiffness within 0.2 %.
 SECTION_DIGITS = 4
+# Relative change of a size that is no news: the text has thirteen digits.
+ROUNDING = 1e-12
 # Most names in one line of a set.
 NAMES_PER_LINE = 16
 JOINTS, STRUTS, MATERIAL = "JOINTS", "STRUTS", "SOLID"
@@ -40,7 +42,7 @@ def write_beam_deck(
     solver: str = "abaqus",
     segments: int = 1,
     material: Material | None = None,
-) -> None:
+) -> tuple[str, ...]:
     """Write the struts as beams, in mm, N, MPa and tonnes.
 
     An element has one section, that of the strut at its middle; sections that agree in four digits are
@@ -53,6 +55,9 @@ def write_beam_deck(
         solver: "abaqus" or "calculix".
         segments: elements that each strut is divided into.
         material: of the struts; None: sections name a material SOLID that the deck does not define.
+
+    Returns:
+        What the deck could not keep, in sentences: radii along a strut and past four digits.
 
     Raises:
         InputError: for an unknown solver or fewer than one segment.
@@ -74,6 +79,7 @@ def write_beam_deck(
             file.write(text.encode())
         for text in (*_material(material), *_section_lines(structure, sections, solver)):
             file.write(text.encode())
+    return _changes(structure, sections, segments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +97,32 @@ class _Sections:
     radius: Float[np.ndarray, " sections"]
     depth: Float[np.ndarray, " sections"]
     normal: Float[np.ndarray, "sections 3"]
+
+
+def _changes(structure: Structure, sections: _Sections, segments: int) -> tuple[str, ...]:
+    """How far the sections are from the struts, where they are not the same."""
+    along = np.arange(segments + 1) / segments
+    radii = structure.radii @ np.stack([1 - along, along])
+    given = sections.radius[sections.of_element].reshape(-1, segments)
+    ends = np.abs(np.stack([radii[:, :-1], radii[:, 1:]]) - given)
+    tapered = structure.radii[:, 0] != structure.radii[:, 1]
+    notes = []
+    if tapered.any():
+        notes.append(
+            f"{tapered.sum()} struts taper, an element has one radius, that of its middle: radii "
+            f"changed by up to {ends[:, tapered].max():.3g} mm"
+        )
+    even = ends[:, ~tapered].max(initial=0)
+    if structure.extrusion is not None:
+        depth = sections.depth[sections.of_element].reshape(-1, segments)
+        even = max(even, np.abs(depth - structure.extrusion.depth[:, None]).max())
+    # Sections that agree exactly keep their sizes exactly; rounding is no news.
+    if even > ROUNDING * structure.radii.max():
+        notes.append(
+            f"sections that agree in {SECTION_DIGITS} digits became one: sizes changed by up to "
+            f"{even:.3g} mm"
+        )
+    return tuple(notes)
 
 
 def _sections(structure: Structure, segments: int) -> _Sections:

@@ -47,13 +47,14 @@ def read_beam_deck(path: Path, *, mm_per_unit: float) -> Imported:
             for number, text in enumerate(file, 1):
                 deck.line_number = number
                 deck.take(text.strip())
+            deck.end_row()
     except OSError as failure:
         raise StructureError(
             f"{path}: cannot be read ({failure.strerror}); give an INP file."
         ) from failure
     # Numbers too large to be multiplied become infinite, which a structure refuses.
     with np.errstate(over="ignore", invalid="ignore"):
-        return imported(path, deck.bars(), mm_per_unit=mm_per_unit)
+        return imported(path, deck.bars(mm_per_unit), mm_per_unit=mm_per_unit)
 
 
 @dataclass(eq=False)
@@ -71,6 +72,9 @@ class _Deck:
     def __init__(self, file: str) -> None:
         self.file, self.line_number = file, 0
         self.keyword, self.options, self.row = "", dict[str, str](), 0
+        # A keyword's line, or an element's row, that goes on in the next line, and where it began.
+        self.begun, self.unfinished, self.began = "", list[str](), 0
+        self.direction_may_follow = False
         self.nodes: dict[int, int] = {}
         self.coordinates = array("d")
         self.elements: dict[int, int] = {}
@@ -88,13 +92,26 @@ class _Deck:
         """One line."""
         if not text or text.startswith("**"):
             return
+        if self.begun and text.startswith("*"):
+            # The comma was the last of its keyword, not a promise of more.
+            begun, self.begun = self.begun, ""
+            self.take(begun.rstrip(" ,"))
+        text, self.begun = self.begun + text, ""
         if text.startswith("*"):
+            self.end_row()
+            if text.endswith(","):
+                self.begun = text
+                return
             head, *given = [entry.strip() for entry in text[1:].upper().split(",")]
             pairs = (entry.partition("=") for entry in given)
             self.keyword, self.row = " ".join(head.split()), 0
             self.options = {key.strip(): value.strip().strip('"') for key, _, value in pairs}
             self.begin()
-            return
+        else:
+            self.data_row(text)
+
+    def data_row(self, text: str) -> None:
+        """A line of the keyword before it."""
         self.row += 1
         entries = [entry.strip() for entry in text.split(",")]
         if self.keyword == "INSTANCE":
@@ -104,7 +121,7 @@ class _Deck:
         if self.keyword == "NODE":
             self.node(entries)
         elif self.keyword == "ELEMENT":
-            self.element(entries)
+            self.element_row(entries)
         elif self.keyword == "ELSET":
             self.add_to_set(entries)
         elif self.keyword in SECTION_KEYWORDS:
@@ -122,7 +139,10 @@ class _Deck:
             if self.parts > 1:
                 self.refuse("a second part is not followed; write one flat deck.")
         elif self.keyword == "NODE" and options.get("SYSTEM", "R") != "R":
-            self.refuse("*NODE in other than rectangular coordinates is not followed.")
+            self.refuse(
+                "*NODE in other than rectangular coordinates is not followed; "
+                "write rectangular ones."
+            )
         elif self.keyword == "ELEMENT" and "ELSET" in options:
             self.sets.setdefault(options["ELSET"], _Set())
         elif self.keyword == "ELSET":
@@ -133,7 +153,7 @@ class _Deck:
 
     def required(self, key: str) -> str:
         if not self.options.get(key):
-            self.refuse(f"*{self.keyword} lacks {key}=...")
+            self.refuse(f"*{self.keyword} lacks {key}=...; add it.")
         return self.options[key]
 
     def node(self, entries: list[str]) -> None:
@@ -142,6 +162,34 @@ class _Deck:
             self.refuse(f"a second node {number}; numbers must differ.")
         self.nodes[number] = len(self.nodes)
         self.coordinates.extend([*self.floats(entries[1:4]), 0.0, 0.0, 0.0][:3])
+
+    def element_row(self, entries: list[str]) -> None:
+        """A row; one that ends with a comma is continued, unless the beam is complete without."""
+        if self.direction_may_follow and len(list(filter(None, entries))) == 1:
+            # No element has one entry: it is the node that tells the section's direction.
+            self.whole(entries[0])
+            self.direction_may_follow = False
+            return
+        if not self.unfinished:
+            self.began = self.line_number
+        entries = self.unfinished[:-1] + entries
+        found = BEAM.fullmatch(self.options.get("TYPE", ""))
+        # Its number, two or three nodes, and the nothing behind the last comma.
+        needed = 4 if found is not None and found[1] == "2" else 3
+        complete = found is not None and len(entries) > needed
+        self.direction_may_follow = complete and not entries[-1] and len(entries) == needed + 1
+        self.unfinished = entries if entries[0] and not entries[-1] and not complete else []
+        if not self.unfinished:
+            self.element(entries)
+
+    def end_row(self) -> None:
+        """No row continues the one before."""
+        self.direction_may_follow = False
+        if self.unfinished:
+            entries, self.unfinished = self.unfinished, []
+            here, self.line_number = self.line_number, self.began
+            self.element(entries)
+            self.line_number = here
 
     def element(self, entries: list[str]) -> None:
         found = BEAM.fullmatch(self.options.get("TYPE", ""))
@@ -153,7 +201,10 @@ class _Deck:
         size = 3 if found[1] == "2" else 2
         # One more node may tell the direction of the section's first axis.
         if len(nodes) not in (size, size + 1):
-            self.refuse(f"a {self.options['TYPE']} has {size} nodes, not {len(nodes)}.")
+            self.refuse(
+                f"a {self.options['TYPE']} has {size} nodes, not {len(nodes)}; "
+                "a row goes on in the next when it ends with a comma."
+            )
         if number in self.elements:
             self.refuse(f"a second beam {number}; numbers must differ.")
         missing = [node for node in nodes[:size] if node not in self.nodes]
@@ -204,8 +255,8 @@ class _Deck:
             self.refuse(f'"{", ".join(words)[:60]}" under *{self.keyword} must be finite numbers.')
         return values
 
-    def bars(self) -> Bars:
-        """All beams with their sections."""
+    def bars(self, mm_per_unit: float) -> Bars:
+        """All beams with their sections; the unit is for notes."""
         if not self.elements:
             raise StructureError(
                 f"{self.file}: holds no beams (B31, B32, B33) among {self.left_out} elements; give a "
@@ -218,7 +269,7 @@ class _Deck:
         middles = np.array(self.middles, np.int64)[order]
         _check_straight(f"{self.file}: beam {{}}", numbers[order], (joints, struts, middles))
         of_beam = self.section_of(numbers[order])
-        sizes = sized(self.file, self.sections, of_beam, (joints, struts))
+        sizes = sized(self.file, self.sections, of_beam, (joints, struts), mm_per_unit=mm_per_unit)
         notes = list(sizes.notes)
         if self.left_out:
             notes.append(f"{self.left_out} elements that are no beams in space were left out")
@@ -232,7 +283,9 @@ class _Deck:
             self.line_number = section.line
             members = self.members(numbers, section.elset)
             if (of_beam[members] >= 0).any():
-                self.refuse(f"some beams of set {section.elset} have a section already.")
+                self.refuse(
+                    f"some beams of set {section.elset} have a section already; give each one."
+                )
             of_beam[members] = index
         if (of_beam < 0).any():
             raise StructureError(
@@ -262,7 +315,7 @@ class _Deck:
                 continue
             seen.add(one)
             if one not in self.sets:
-                self.refuse(f"set {one}, which a section needs, is not defined.")
+                self.refuse(f"set {one}, which a section needs, is not defined; add an *ELSET.")
             yield self.sets[one]
             waiting += self.sets[one].others
 

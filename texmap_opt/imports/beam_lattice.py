@@ -19,18 +19,19 @@ from texmap_opt.errors import StructureError, nearest_name
 from texmap_opt.export.beam_lattice import BEAMS
 from texmap_opt.export.three_mf_package import CORE
 from texmap_opt.imports.imported import Bars, Imported, imported
+from texmap_opt.units import MM_PER_FOOT, MM_PER_UNIT
 from texmap_opt.xml_stream import NAMESPACE_SEPARATOR, XmlStream
 
 RELATIONSHIPS = "http://schemas.openxmlformats.org/package/2006/relationships"
 MODEL_TYPE = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 # Core specification, section 3.4.
-MM_PER_UNIT = {
+UNITS = {
     "micron": 1e-3,
-    "millimeter": 1.0,
-    "centimeter": 10.0,
-    "inch": 25.4,
-    "foot": 304.8,
-    "meter": 1000.0,
+    "millimeter": MM_PER_UNIT["mm"],
+    "centimeter": MM_PER_UNIT["cm"],
+    "inch": MM_PER_UNIT["in"],
+    "foot": MM_PER_FOOT,
+    "meter": MM_PER_UNIT["m"],
 }
 CLIPPING = ("none", "inside", "outside")
 # A model's text when unpacked [bytes]: some twenty million beams. A zip holds a thousandth of it.
@@ -249,19 +250,15 @@ class _Reader:
             self.refuse(f"<{tag}> is outside of an object; write it again.")
         return self.current
 
-    def attribute(self, tag: str, attributes: dict[str, str], key: str) -> str:
-        if key not in attributes:
-            self.refuse(f'<{tag}> lacks its attribute "{key}".')
-        return attributes[key]
-
     def model(self, attributes: dict[str, str]) -> None:
         unit = attributes.get("unit", "millimeter")
-        if unit not in MM_PER_UNIT:
-            self.refuse(f'unit is "{unit}"; {nearest_name(unit, MM_PER_UNIT)}')
-        self.mm_per_unit = MM_PER_UNIT[unit]
+        if unit not in UNITS:
+            self.refuse(f'unit is "{unit}"; {nearest_name(unit, UNITS)}')
+        self.mm_per_unit = UNITS[unit]
 
     def object(self, attributes: dict[str, str]) -> None:
-        number = self.xml.whole(self.attribute("object", attributes, "id"), "id")
+        self.xml.demand("object", attributes, ("id",))
+        number = self.xml.whole(attributes["id"], "id")
         if number in self.objects:
             self.refuse(f"a second object with id {number}; ids must differ.")
         self.current = self.objects[number] = _Object(number)
@@ -270,7 +267,8 @@ class _Reader:
         self.inside("components").components = True
 
     def vertex(self, attributes: dict[str, str]) -> None:
-        words = [self.attribute("vertex", attributes, key) for key in "xyz"]
+        self.xml.demand("vertex", attributes, "xyz")
+        words = [attributes[key] for key in "xyz"]
         self.inside("vertex").vertices.extend(self.xml.numbers(words, "vertex", 3))
 
     def triangle(self, _: dict[str, str]) -> None:
@@ -278,8 +276,7 @@ class _Reader:
 
     def beamlattice(self, attributes: dict[str, str]) -> None:
         lattice = self.inside("beamlattice")
-        for key in ("radius", "minlength"):
-            self.attribute("beamlattice", attributes, key)
+        self.xml.demand("beamlattice", attributes, ("radius", "minlength"))
         lattice.radius = self.xml.positive(attributes["radius"], "radius")
         lattice.min_length = self.xml.positive(attributes["minlength"], "minlength")
         lattice.clipping = attributes.get("clippingmode", "none")
@@ -293,7 +290,8 @@ class _Reader:
         if lattice.radius == 0:
             self.refuse("<beam> is outside of a beam lattice; write it again.")
         count = len(lattice.vertices) // 3
-        ends = [self.xml.whole(self.attribute("beam", attributes, k), k) for k in ("v1", "v2")]
+        self.xml.demand("beam", attributes, ("v1", "v2"))
+        ends = [self.xml.whole(attributes[key], key) for key in ("v1", "v2")]
         if max(ends) >= count or ends[0] == ends[1]:
             self.refuse(
                 f"beam joins vertices {ends[0]} and {ends[1]}; two different ones of {count} are needed."
@@ -309,7 +307,8 @@ class _Reader:
         lattice.radii.extend((first, last))
 
     def item(self, attributes: dict[str, str]) -> None:
-        number = self.xml.whole(self.attribute("item", attributes, "objectid"), "objectid")
+        self.xml.demand("item", attributes, ("objectid",))
+        number = self.xml.whole(attributes["objectid"], "objectid")
         transform = IDENTITY
         if "transform" in attributes:
             numbers = self.xml.numbers(attributes["transform"].split(), "transform", 12)

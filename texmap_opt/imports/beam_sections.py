@@ -13,6 +13,8 @@ from texmap_opt.structure.structure import AXIS_TOLERANCE, WALL, Extrusion
 NORMAL = (0.0, 0.0, -1.0)
 # Relative difference of two sizes of a section that are meant to be equal: twelve digits of text.
 EQUAL = 1e-9
+# What the line of sizes holds.
+SIZES = {"CIRC": "a radius or two diameters", "RECT": "two sides"}
 
 
 @dataclass(eq=False)
@@ -56,6 +58,8 @@ def sized(
     sections: Sequence[BeamSection],
     of_beam: Int[np.ndarray, " struts"],
     beams: tuple[Float[np.ndarray, "joints 3"], Int[np.ndarray, "struts 2"]],
+    *,
+    mm_per_unit: float,
 ) -> Sized:
     """The size of each beam.
 
@@ -64,6 +68,7 @@ def sized(
         sections: of the deck.
         of_beam: the section of each beam.
         beams: joints, and the two of each beam.
+        mm_per_unit: millimetres in the deck's unit, for notes.
 
     Raises:
         StructureError: with file and line, for shapes that are not understood, and for sections in use
@@ -82,7 +87,7 @@ def sized(
     if (np.abs(width - height) <= EQUAL * width).all():
         return Sized(width / 2, "square")
     normals = np.array([section.normal for section in used])
-    return _walls(file, normals, (width, height), beams)
+    return _walls(file, normals, (width, height), beams, mm_per_unit=mm_per_unit)
 
 
 def _size(file: str, section: BeamSection) -> tuple[str, float, float]:
@@ -98,7 +103,9 @@ def _size(file: str, section: BeamSection) -> tuple[str, float, float]:
     if section.shape == "CIRC" and len(sizes) == 1:
         return "CIRC", 2 * sizes[0], 2 * sizes[0]
     if len(sizes) != 2:
-        raise StructureError(f"{where}: a section {section.shape} has other sizes than {sizes}.")
+        raise StructureError(
+            f"{where}: a section {section.shape} takes {SIZES[section.shape]}, not {len(sizes)} numbers."
+        )
     if section.shape == "CIRC" and abs(sizes[0] - sizes[1]) > EQUAL * sizes[0]:
         raise StructureError(
             f"{where}: an ellipse of {sizes[0]:g} by {sizes[1]:g} is no round strut; give equal "
@@ -112,6 +119,8 @@ def _walls(
     normals: Float[np.ndarray, "sections 3"],
     sizes: tuple[Float[np.ndarray, " struts"], Float[np.ndarray, " struts"]],
     beams: tuple[Float[np.ndarray, "joints 3"], Int[np.ndarray, "struts 2"]],
+    *,
+    mm_per_unit: float,
 ) -> Sized:
     """Rectangles whose first axis is one and the same, across all beams: walls along it."""
     depth, thickness = sizes
@@ -131,5 +140,6 @@ def _walls(
         )
     middle, deepest = float(height.mean()), float(depth.max())
     extrusion = Extrusion(axis, middle - deepest / 2, middle + deepest / 2, depth)
-    notes = (f"rectangles were taken for walls, as high as the deepest of them, {deepest:g}",)
+    height_mm = deepest * mm_per_unit
+    notes = (f"rectangles were taken for walls, as high as the deepest of them, {height_mm:g} mm",)
     return Sized(thickness / 2, WALL, extrusion, notes)

@@ -13,10 +13,11 @@ import numpy as np
 
 from texmap_opt.errors import StructureError, nearest_name
 from texmap_opt.imports.imported import Bars, Imported, imported
+from texmap_opt.units import MM_PER_FOOT, MM_PER_UNIT
 from texmap_opt.xml_stream import XmlStream
 
-# Millimetres in each of the units of the specification; the foot is exact (1959).
-MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
+# The units of the specification.
+UNITS = MM_PER_UNIT | {"ft": MM_PER_FOOT}
 CHILDREN = {
     "graph": ("nodegroup", "beamgroup", "facegroup"),
     "nodegroup": ("node",),
@@ -30,7 +31,7 @@ def read_ltcx(path: Path, *, radius: float | None, section: str) -> Imported:
 
     Args:
         path: the file.
-        radius: of nodes that have none [mm]; None: they must have one.
+        radius: of nodes that have none [mm]; None: they must all have one, and only then may they.
         section: shape of the struts, which the file does not tell.
 
     Raises:
@@ -45,6 +46,8 @@ def read_ltcx(path: Path, *, radius: float | None, section: str) -> Imported:
         raise StructureError(
             f"{path}: cannot be read ({failure.strerror}); give an LTCX file."
         ) from failure
+    if radius is not None and not reader.without_radius:
+        raise StructureError(f"{path.name}: every node has a radius; leave --radius out.")
     struts = np.array(reader.ends, np.int64).reshape(-1, 2)
     notes = (f"{reader.faces} faces are plates, not struts, and were left out",)
     bars = Bars(
@@ -68,7 +71,7 @@ class _Reader:
         self.open: list[str] = []
         self.number: dict[str, int] = {}
         self.coordinates, self.radii, self.ends = array("d"), array("d"), array("q")
-        self.faces = 0
+        self.faces = self.without_radius = 0
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         allowed = CHILDREN.get(self.open[-1], ()) if self.open else ("graph",)
@@ -77,9 +80,9 @@ class _Reader:
         self.open.append(tag)
         if tag == "graph":
             unit = attributes.get("units", "mm")
-            if unit not in MM_PER_UNIT:
-                self.refuse(f'units is "{unit}"; {nearest_name(unit, MM_PER_UNIT)}')
-            self.mm_per_unit = MM_PER_UNIT[unit]
+            if unit not in UNITS:
+                self.refuse(f'units is "{unit}"; {nearest_name(unit, UNITS)}')
+            self.mm_per_unit = UNITS[unit]
         elif tag == "node":
             self.node(attributes)
         elif tag == "beam":
@@ -95,7 +98,7 @@ class _Reader:
             self.refuse(f'text "{text.strip()[:20]}" in <{self.open[-1]}>; remove it.')
 
     def node(self, attributes: dict[str, str]) -> None:
-        self.demand("node", attributes, ("id", "x", "y", "z"))
+        self.xml.demand("node", attributes, ("id", "x", "y", "z"))
         name = attributes["id"]
         if name in self.number:
             self.refuse(f'a second node with id "{name}"; ids must differ.')
@@ -108,18 +111,14 @@ class _Reader:
         elif self.radius is not None:
             # The file's unit until the end; it is known by now, as an attribute of the root.
             self.radii.append(self.radius / self.mm_per_unit)
+            self.without_radius += 1
         else:
             self.refuse(f'node "{name}" has no radius; give one for all such nodes with --radius.')
 
     def beam(self, attributes: dict[str, str]) -> None:
-        self.demand("beam", attributes, ("n1", "n2"))
+        self.xml.demand("beam", attributes, ("n1", "n2"))
         for key in ("n1", "n2"):
             name = attributes[key]
             if name not in self.number:
                 self.refuse(f'beam ends at node "{name}", but there is no node with that id.')
             self.ends.append(self.number[name])
-
-    def demand(self, tag: str, attributes: dict[str, str], keys: tuple[str, ...]) -> None:
-        for key in keys:
-            if key not in attributes:
-                self.refuse(f'<{tag}> lacks its attribute "{key}".')

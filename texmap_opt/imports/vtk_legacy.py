@@ -31,6 +31,8 @@ TYPES |= {f"vtktypeuint{bits}": f"u{bits // 8}" for bits in (8, 16, 32, 64)}
 POLYDATA = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS")
 # Attributes of other than one number a row: how many.
 WIDE = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9}
+# Red, green, blue and opacity: bytes in binary files, shares of one in the others.
+RGBA = 4
 
 
 def read_vtk_legacy(path: Path) -> LineSet:
@@ -143,6 +145,10 @@ class _Reader:
         elif keyword in WIDE:
             width = WIDE[keyword]
             self.of[words[1]] = self.numbers(words[2], width * self.rows).reshape(-1, width)
+        elif keyword == "TEXTURE_COORDINATES":
+            self.numbers(words[3], int(words[2]) * self.rows)
+        elif keyword == "LOOKUP_TABLE":
+            self.numbers("unsigned_char" if self.binary else "float", RGBA * int(words[2]))
         elif keyword == "FIELD":
             for _ in range(int(words[2])):
                 name, width, rows, kind = self.array_head()

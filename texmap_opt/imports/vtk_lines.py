@@ -28,7 +28,8 @@ def read_vtk_lines(
 
     Args:
         path: the file.
-        radius: of struts in a file without such an array [mm]; None: there must be one.
+        radius: of struts in a file without such an array [mm]; None: there must be one, and only
+            then may there be one.
         section: shape of the struts, which the file does not tell.
         mm_per_unit: millimetres in the file's unit.
 
@@ -68,6 +69,8 @@ def read_vtk_lines(
 def _radii(path: Path, lines: LineSet, radius: float | None) -> Float[np.ndarray, "struts 2"]:
     for name in NAMES:
         at_points, of_lines = _found(lines.point_data, name), _found(lines.segment_data, name)
+        if radius is not None and (at_points is not None or of_lines is not None):
+            raise StructureError(f"{path.name}: has radii in {name}; leave --radius out.")
         if at_points is not None:
             return at_points[lines.segments]
         if of_lines is not None:

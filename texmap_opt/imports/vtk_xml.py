@@ -183,7 +183,7 @@ class _Decoder:
         sizes = np.frombuffer(content[: (3 + blocks) * size], self.header)
         if blocks == 0:
             return b""
-        if len(sizes) != 3 + blocks or blocks * int(sizes[1]) > MAX_ARRAY:
+        if len(sizes) != 3 + blocks or not 0 < blocks * int(sizes[1]) <= MAX_ARRAY:
             raise ValueError("the sizes of its compressed blocks do not fit")
         start, unpacked = (3 + blocks) * size, []
         for length in sizes[3:].tolist():

@@ -230,9 +230,7 @@ class _Reader:
         if tag not in allowed:
             self.refuse(f"<{tag}> where <{'> or <'.join(allowed) or 'nothing'}> is expected.")
         needed, optional = self.attributes[tag]
-        for key in needed:
-            if key not in attributes:
-                self.refuse(f'<{tag}> lacks its attribute "{key}".')
+        self.xml.demand(tag, attributes, needed)
         for key in attributes.keys() - needed - optional.keys():
             remedy = nearest_name(key, [*needed, *optional]) if needed else "remove it."
             if tag == "strut" and key in REQUISITE:

@@ -23,7 +23,6 @@ class Pieces:
         structure: the pieces; joints that nothing uses are gone.
         depth: how far inside each joint lies [mm]; 0 on the surface.
         shortened: pieces that are not a whole strut.
-        whole_length: length of the strut each piece came from [mm].
         outside: how many struts left no piece.
         cut: how many struts were cut.
     """
@@ -31,7 +30,6 @@ class Pieces:
     structure: Structure
     depth: Float[np.ndarray, " joints"]
     shortened: Bool[np.ndarray, " struts"]
-    whole_length: Float[np.ndarray, " struts"]
     outside: int
     cut: int
 
@@ -152,7 +150,6 @@ def _assemble(
         structure=pieces.select(np.ones(len(source), bool)),
         depth=np.concatenate([depth, np.zeros(made.sum())])[used],
         shortened=np.concatenate([np.zeros(len(whole), bool), made.any(axis=1)]),
-        whole_length=structure.lengths()[source],
         outside=len(structure.struts) - len(np.unique(source)),
         cut=len(np.unique(strut[made.any(axis=1)])),
     )

@@ -15,10 +15,8 @@ from texmap_opt.structure.silhouette import silhouette, wall_depths
 from texmap_opt.structure.structure import Extrusion, Structure
 from texmap_opt.structure.strut_pieces import Pieces, strut_pieces
 
-# A piece between a joint and the surface shorter than this share of its strut is left out when the
-# joint reaches the surface by itself: such a stub adds nothing but ill-conditioned equations.
-SLIVER_SHARE = 0.05
-# ... and so is one shorter than this many radii: it lies inside the joint's own sphere.
+# A piece between a joint and the surface shorter than this many radii is left out when the joint
+# reaches the surface by itself: it lies inside the joint's own sphere.
 SLIVER_RADII = 1.0
 # Walls whose depth inside the part is below this share of the part's own depth are left out: they
 # stand where the part tapers to an edge, and stiffen nothing but the equations' condition number.
@@ -108,6 +106,7 @@ def trim(
     skin_mm: float,
     in_region: Callable[[Float[np.ndarray, "n 3"]], Bool[np.ndarray, " n"]] | None = None,
     least_share: float = LEAST_SHARE,
+    sliver_mm: float = 0.0,
 ) -> Trimmed:
     """Keep what lies inside a part: cut at the surface, no loose ends, one connected piece.
 
@@ -124,18 +123,21 @@ def trim(
         skin_mm: thickness of the skin that holds ends at the surface [mm]; 0: there is none.
         in_region: says which points lie in a supported or loaded region; None: there are none.
         least_share: smallest share of the strut length that the largest piece must hold.
+        sliver_mm: cut pieces shorter than this, times the size of their cell, are left out when both
+            their ends reach the surface anyway: such stubs add nothing but ill-conditioned
+            equations [mm].
 
     Raises:
         LatticeError: when nothing is left, or the lattice falls into pieces of which none holds
             `least_share`.
     """
-    solid, extrusion = part, structure.extrusion
+    outline, extrusion = part, structure.extrusion
     if extrusion is not None:
-        part = Part(silhouette(solid.surface, extrusion.axis), solid.name)
-    pieces = strut_pieces(structure, part)
-    inside, depth, slivers = _without_slivers(pieces)
+        outline = Part(silhouette(part.surface, extrusion.axis), part.name)
+    pieces = strut_pieces(structure, outline)
+    inside, depth, slivers = _without_slivers(pieces, sliver_mm)
     if inside.extrusion is not None:
-        inside, depth, shallow = _without_shallow_walls(inside, inside.extrusion, depth, solid)
+        inside, depth, shallow = _without_shallow_walls(inside, inside.extrusion, depth, part)
         slivers += shallow
     if len(inside.struts) == 0:
         raise LatticeError(_nothing_inside(structure, part))
@@ -147,7 +149,7 @@ def trim(
     length = inside.lengths()
     if not tight.any():
         raise LatticeError(_all_loose(structure, len(length), skin_mm))
-    net = _Pieces.of(inside, tight, in_skin, part)
+    net = _Pieces.of(inside, tight, in_skin, outline)
     largest, shares = net.largest(length)
     if shares[0] < least_share:
         raise LatticeError(_falls_apart(shares, least_share))
@@ -170,13 +172,15 @@ def trim(
     )
 
 
-def _without_slivers(pieces: Pieces) -> tuple[Structure, Float[np.ndarray, " joints"], int]:
+def _without_slivers(
+    pieces: Pieces, sliver_mm: float
+) -> tuple[Structure, Float[np.ndarray, " joints"], int]:
     """Leave out stubs; also says how deep the remaining joints lie [mm]."""
     net, depth = pieces.structure, pieces.depth
     a, b = net.struts.T
     length, radius = net.lengths(), net.radii.max(axis=1)
     reaches = net.cut | (depth <= joint_radii(net))
-    short = length < np.maximum(SLIVER_SHARE * pieces.whole_length, SLIVER_RADII * radius)
+    short = length < np.maximum(sliver_mm * net.cell_size, SLIVER_RADII * radius)
     # Only pieces that were cut: a short strut of a fine cell is no sliver. Both ends of a sliver
     # are at the surface without it, so nothing that hangs there lets go.
     sliver = short & pieces.shortened & reaches[a] & reaches[b]

@@ -209,6 +209,20 @@ def test_a_loose_end_is_refused(tmp_path: Path):
         read_unit_cell(written(tmp_path, text))
 
 
+def test_joints_that_are_nearly_one_are_refused(tmp_path: Path):
+    """The bar along y ends a ten-thousandth beside the middle, joined to it by a speck."""
+    text = (
+        GOOD.replace(
+            '<joint id="zp">0.5 0.5 1</joint>',
+            '<joint id="zp">0.5 0.5 1</joint><joint id="n">0.5 0.5001 0.5</joint>',
+        )
+        .replace('from="m" to="yp"', 'from="n" to="yp"')
+        .replace("</struts>", '<strut from="m" to="n"/></struts>')
+    )
+    with pytest.raises(CellError, match=r'line 12: joint "n" is nearer than 0.001 cells to "m"'):
+        read_unit_cell(written(tmp_path, text))
+
+
 def test_struts_that_cross_are_refused(tmp_path: Path):
     """Both diagonals of a square; and a zigzag whose neighbour's runs through it."""
     corners = {"a": "0 0", "b": "1 0", "c": "0 1", "d": "1 1"}

@@ -53,6 +53,20 @@ def test_the_command_makes_a_cell_of_a_published_graph(tmp_path: Path, capsys):
     assert capsys.readouterr().out == f"{path}: 8 joints, 12 round struts\n"
 
 
+def test_the_command_takes_a_word_of_tiling_for_each_axis(tmp_path: Path, capsys):
+    """Struts that taper are said to have their means: half of 0.1 inches is 1.27 mm off."""
+    (tmp_path / "cube.ltcx").write_text(CUBE.replace('r=".1"', 'r=".2"', 1))
+    path = tmp_path / "mine.xml"
+    arguments = ["convert", str(tmp_path / "cube.ltcx"), "-o", str(path), "--cell", "mine"]
+    with pytest.raises(SystemExit) as ended:
+        cli.main([*arguments, "--tiling", "mirror mirror mirror"])
+    assert ended.value.code == 0
+    assert read_unit_cell(path).mirrored == (True, True, True)
+    note, _ = capsys.readouterr().out.splitlines()
+    assert note.startswith("note: mine.xml: 3 struts taper")
+    assert note.endswith("by up to 1.27 mm")
+
+
 def test_what_does_not_tile_is_refused_and_not_written(tmp_path: Path):
     """Without one strut the cube's faces do not match; reflected they do."""
     cube = drawn_cell(unit_cell("cube"))

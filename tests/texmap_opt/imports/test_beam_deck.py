@@ -70,7 +70,10 @@ def test_segments_divide_struts_and_follow_their_taper(solver: str, tmp_path: Pa
     """Four elements of a strut from 0.2 to 1 have the radii at their middles."""
     s = star()
     s = s.with_radii(np.repeat([[0.2, 1.0]], 12, axis=0))
-    write_beam_deck(tmp_path / "s.inp", s, solver=solver, segments=4)
+    # An element of a quarter of the taper is 0.1 off at its ends.
+    (note,) = write_beam_deck(tmp_path / "s.inp", s, solver=solver, segments=4)
+    assert note.startswith("12 struts taper")
+    assert note.endswith("changed by up to 0.1 mm")
     again = read(tmp_path / "s.inp").structure
     assert len(again.struts) == 48
     assert again.lengths().sum() == pytest.approx(s.lengths().sum())
@@ -86,9 +89,10 @@ def test_sections_agree_in_four_digits_and_are_as_few_as_that_allows(tmp_path: P
     radii = np.repeat(rng.uniform(1, 1.002, (count, 1)), 2, axis=1)
     struts = np.stack([np.zeros(count, np.int64), np.arange(1, count + 1)], axis=1)
     s = Structure(joints, struts, radii, np.zeros(count + 1, bool), np.ones(count))
-    write_beam_deck(tmp_path / "s.inp", s)
+    (note,) = write_beam_deck(tmp_path / "s.inp", s)
     assert (tmp_path / "s.inp").read_text().count("*BEAM SECTION") <= 63
     again = read(tmp_path / "s.inp").structure
+    assert note.endswith(f"changed by up to {np.abs(again.radii - radii).max():.3g} mm")
     # Half a unit of the fourth digit to its rounded value, and that much again to the mean.
     np.testing.assert_allclose(again.radii, radii, atol=1e-3)
     assert np.abs(again.radii - radii).max() > 1e-5  # control: sections are shared
@@ -192,13 +196,51 @@ def test_a_deck_of_another_program_in_metres(tmp_path: Path):
     assert found.notes == ("1 elements that are no beams in space were left out",)
 
 
+def test_a_mark_of_byte_order_is_no_part_of_the_first_keyword(tmp_path: Path):
+    flat = FOREIGN[FOREIGN.index("*Node") : FOREIGN.index("*End Part")]
+    again = read(tmp_path / "f.inp", "\ufeff" + flat, mm_per_unit=1000.0).structure
+    assert len(again.struts) == 3
+
+
+def test_rows_and_keywords_go_on_after_a_comma(tmp_path: Path):
+    """Abaqus Keywords Guide, "Input syntax rules": both end with a comma where they go on."""
+    text = FOREIGN
+    for whole, divided in {
+        " 3, 2, 3\n": " 3, 2,\n** a comment\n 3\n",
+        " 7, 1, 2\n": " 7,\n 1,\n 2,\n",
+        "20, 1, 2, 3, 4": "20, 1, 2,\n 3, 4,",
+        "material=Steel, temp": "material=Steel,\n temp",
+        "12, 3, 4, 1\n": "12, 3, 4,\n 1\n",
+        "*Elset, elset=all\n": "*Restart,\n*Elset, elset=all\n",
+    }.items():
+        assert whole in text
+        text = text.replace(whole, divided)
+    whole, divided = read(tmp_path / "f.inp", FOREIGN), read(tmp_path / "g.inp", text)
+    np.testing.assert_array_equal(divided.structure.struts, whole.structure.struts)
+    np.testing.assert_array_equal(divided.structure.radii, whole.structure.radii)
+    # The shell of two rows is one element.
+    assert divided.notes == whole.notes
+
+
+def test_walls_are_told_their_height_in_millimetres(tmp_path: Path):
+    write_beam_deck(tmp_path / "s.inp", walls())
+    (note,) = read(tmp_path / "s.inp", mm_per_unit=10.0).notes
+    assert note.endswith("as high as the deepest of them, 80 mm")
+
+
 MISTAKES = {
     "no beams": ("type=B3", "type=T3D", "f.inp: holds no beams"),
     "node": (" 7, 1, 2", " 7, 1, 8", "line 10: beam 7 ends at node 8"),
     "number": ("1.,  1.", "1.,  x", "line 7: .* must be finite numbers"),
     "inf": ("1.,  1.", "1.,  inf", "line 7: .* must be finite numbers"),
     "huge": (" 7, 1", f" {'7' * 30}, 1", "line 10: .* must be a whole number"),
-    "entries": (" 3, 2, 3", " 3, 2", "line 11: a B31 has 2 nodes, not 1"),
+    "entries": (
+        " 3, 2, 3",
+        " 3, 2",
+        "line 11: a B31 has 2 nodes, not 1; a row goes on in the next",
+    ),
+    "not continued": (" 3, 2, 3", " 3, 2,", "line 11: a B31 has 2 nodes, not 1"),
+    "nothing": (" 3, 2, 3", ",", "line 11: .* must be a whole number"),
     "twice": (" 3, 2, 3", " 7, 2, 3", "line 11: a second beam 7"),
     "node twice": ("      4,", "      3,", "line 8: a second node 3"),
     "same beam": (" 3, 2, 3", " 3, 2, 1", "repeats an earlier strut"),
@@ -210,7 +252,7 @@ MISTAKES = {
     "ellipse": ("0.05\n", "0.05, 0.04\n", "an ellipse of 0.05 by 0.04"),
     "no walls": ("CIRC\n0.05\n0.,0.", "RECT\n1, 2\n0.,1.", "all beams must lie in one plane"),
     "two sections": ("*End Part", "*Beam Section, elset=all, section=CIRC\n1\n", "section already"),
-    "no shape": ("section=CIRC", "", "line 20: .BEAM SECTION lacks SECTION="),
+    "no shape": (", section=CIRC", "", "line 20: .BEAM SECTION lacks SECTION="),
     "moved": ("*End Instance", "0., 0., 1.\n*End Instance", "an instance that is moved"),
     "two parts": ("*Assembly", "*Part, name=b\n*Assembly", "a second part"),
     "generated": ("*Elset, elset=all", "*Elgen, elset=all", r"line 18: .ELGEN is not followed"),

@@ -60,6 +60,11 @@ def test_a_radius_stands_in_for_those_that_are_missing(tmp_path: Path):
         read(tmp_path / "t.ltcx", text)
 
 
+def test_a_radius_that_no_node_lacks_is_refused(tmp_path: Path):
+    with pytest.raises(StructureError, match="every node has a radius; leave --radius out"):
+        read(tmp_path / "t.ltcx", GRAPH, radius=0.7)
+
+
 MISTAKES = {
     "root": ("graph", "lattice", "line 3: <lattice> where <graph> is expected"),
     "unit": ('"cm"', '"km"', 'line 3: units is "km"; did you mean "m"'),

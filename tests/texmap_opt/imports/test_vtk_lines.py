@@ -1,5 +1,7 @@
 """Lines of VTK files in every way that VTK writes them, and what breaks."""
 
+import base64
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +9,8 @@ import pytest
 import pyvista
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonCore import vtkFloatArray, vtkLookupTable
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
@@ -114,6 +118,37 @@ def test_what_vtk_writes_as_legacy_files_is_read(version: int, *, binary: bool, 
         np.testing.assert_allclose(s.radii, RADII[np.array(STRUTS)], rtol=1e-5)
 
 
+@pytest.mark.parametrize("binary", [True, False], ids=["binary", "ASCII"])
+def test_textures_and_tables_of_colour_are_passed_over(*, binary: bool, tmp_path: Path):
+    """Radii are read after a table; the coordinates of a texture stand before fields."""
+    mesh = lines()
+    del mesh.point_data["Radius"], mesh.cell_data["mean_radius_mm"], mesh.cell_data["kind"]
+    texture = vtkFloatArray()
+    texture.SetName("texture")
+    texture.SetNumberOfComponents(2)
+    texture.SetNumberOfTuples(len(POINTS))
+    texture.Fill(0.5)
+    mesh.GetPointData().SetTCoords(texture)
+    radii = numpy_to_vtk(RADII, deep=True)
+    radii.SetName("radius")
+    table = vtkLookupTable()
+    table.SetNumberOfTableValues(5)
+    table.Build()
+    radii.SetLookupTable(table)
+    mesh.GetPointData().SetScalars(radii)
+    writer = vtkPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "s.vtk"))
+    if binary:
+        writer.SetFileTypeToBinary()
+    writer.SetInputData(mesh)
+    assert writer.Write() == 1
+    content = (tmp_path / "s.vtk").read_bytes()
+    assert b"TEXTURE_COORDINATES" in content
+    assert content.count(b"LOOKUP_TABLE") == 2
+    s = read(tmp_path / "s.vtk").structure
+    np.testing.assert_allclose(s.radii, RADII[np.array(STRUTS)], rtol=1e-5)
+
+
 def test_two_pieces_are_one_structure(tmp_path: Path):
     lines().save(tmp_path / "one.vtp", binary=False)
     text = (tmp_path / "one.vtp").read_text()
@@ -206,19 +241,31 @@ def test_a_compression_that_is_not_known_is_named(tmp_path: Path):
         read(tmp_path / "s.vtp")
 
 
-def test_blocks_that_would_unpack_to_more_than_they_say_do_not(tmp_path: Path):
-    """A header of 2^40 blocks, and of two gigabytes each."""
+def with_points(tmp_path: Path, array: str) -> Path:
+    """A compressed file of lines whose positions are what is given, in base64."""
     lines().save(tmp_path / "s.vtp", binary=False)
     text = (tmp_path / "s.vtp").read_text()
-    for header in ("AAAAAAAAQAAAAAAA", "AgAAAAAAAIAAAACA"):
-        head, _, tail = text.partition('type="Float64" Name="Points"')
-        tail = tail.partition("</DataArray>")[2]
-        array = f'type="Float64" Name="Points" NumberOfComponents="3" format="binary">{header}'
-        broken = head + array + "</DataArray>" + tail
-        broken = broken.replace("<VTKFile", '<VTKFile compressor="vtkZLibDataCompressor"')
-        (tmp_path / "b.vtp").write_text(broken)
-        with pytest.raises(StructureError, match=r"b\.vtp"):
-            read(tmp_path / "b.vtp")
+    assert 'header_type="UInt32"' in text
+    assert 'compressor="vtkZLibDataCompressor"' in text
+    head, _, tail = text.partition('type="Float64" Name="Points"')
+    array = f'type="Float64" Name="Points" NumberOfComponents="3" format="binary">{array}'
+    path = tmp_path / "b.vtp"
+    path.write_text(head + array + "</DataArray>" + tail.partition("</DataArray>")[2])
+    return path
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    # 2^30 blocks, two gigabytes each of two, and nothing at all: to zlib a limit of 0 bytes is none.
+    [(1 << 30, 8, 8), (2, 1 << 31, 1 << 31), (1, 0, 0)],
+)
+def test_blocks_that_would_unpack_to_more_than_they_say_do_not(sizes, tmp_path: Path):
+    packed = zlib.compress(bytes(8 * 3 * 1000))
+    packed += bytes(-len(packed) % 4)
+    header = np.array([*sizes, *[len(packed)] * min(sizes[0], 2)], "<u4").tobytes()
+    array = (base64.b64encode(header) + base64.b64encode(packed)).decode()
+    with pytest.raises(StructureError, match="sizes of its compressed blocks do not fit"):
+        read(with_points(tmp_path, array))
 
 
 @pytest.fixture(scope="module", params=["vtp", "ascii.vtp", "vtu", "vtk", "ascii.vtk"])

@@ -171,6 +171,17 @@ def test_a_stub_within_the_joints_own_sphere_is_left_out():
     assert len(trimmed.in_skin) == len(trimmed.structure.joints)
 
 
+def test_slivers_are_pieces_shorter_than_a_share_of_their_cell():
+    """Nine stubs of 0.4 mm in cells of 5 mm: eight stand on joints in the part's sides.
+
+    The joint of the ninth lies deeper than its radius and would not reach the surface without it.
+    """
+    s = lattice("cube", (0, 0, -0.4), 5.0, (2, 2, 3), radius=0.2)
+    assert trim(s, bar(10, 10, 10), skin_mm=SKIN).counts.slivers == 0
+    assert trim(s, bar(10, 10, 10), skin_mm=SKIN, sliver_mm=0.07 * 5.0).counts.slivers == 0
+    assert trim(s, bar(10, 10, 10), skin_mm=SKIN, sliver_mm=0.09 * 5.0).counts.slivers == 8
+
+
 def test_the_largest_piece_stays_and_the_rest_is_counted():
     """Blocks of 8 x 2 x 2 and 1 x 2 x 2 octet cells: 4 x 132 + 12 x 32 = 912 struts, and 128."""
     part = beside(bar(40, 10, 10), moved(bar(5, 10, 10), (60, 0, 0)))

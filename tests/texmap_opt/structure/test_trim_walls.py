@@ -9,6 +9,7 @@ from texmap_opt.box import Box
 from texmap_opt.builtin_part import builtin_part
 from texmap_opt.cells.catalogue import unit_cell
 from texmap_opt.combine.boolean import difference, intersection
+from texmap_opt.errors import LatticeError
 from texmap_opt.part import Part
 from texmap_opt.solid.lattice_solid import lattice_solid
 from texmap_opt.solid.tri_mesh import TriMesh
@@ -142,6 +143,15 @@ def test_walls_in_a_sharp_edge_are_left_out():
     assert (
         not np.isclose(result.structure.joints[:, 0], 0)[result.structure.struts].all(axis=1).any()
     )
+
+
+def test_walls_beside_the_part_are_refused_with_the_size_of_the_part():
+    """Not that of the prism over its shadow."""
+    part = block([0, 0, 0], [10, 8, 3])
+    net = walls(part, "square", (5, 4), "z")
+    beside = TriMesh(part.vertices + np.array([50.0, 0, 0]), part.faces)
+    with pytest.raises(LatticeError, match=r"inside the part \(10 x 8 x 3 mm\)"):
+        trim(net, Part(beside, "part"), skin_mm=0.0)
 
 
 def test_origin_and_depth_follow_the_pieces_of_a_wall():
