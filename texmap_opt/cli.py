@@ -120,7 +120,10 @@ def _library_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     cells.add_argument(
         "--rank", metavar="PROPERTY", help="order them by this, such as E or E_ratio"
     )
-    cells.add_argument("--direction", help="of E, G and nu in the cell; default 1,0,0")
+    cells.add_argument(
+        "--direction",
+        help="of E, G and nu; default 1,0,0; =-1,0,0 with a minus",
+    )
     cells.add_argument("--density", type=float, help="relative density to rank at; default 0.1")
     cells.add_argument("--ascending", action="store_true", help="rank the least first")
     cells.add_argument(
@@ -266,7 +269,7 @@ def _computing(count: int) -> None:
 
 def _cell(options: argparse.Namespace) -> int:
     from texmap_opt.cells.at_density import radius_of_density
-    from texmap_opt.cells.catalogue import unit_cell
+    from texmap_opt.cells.catalogue import cell_names, unit_cell
     from texmap_opt.cells.listing import cell_text
 
     if options.radius is not None and options.density is not None:
@@ -276,7 +279,7 @@ def _cell(options: argparse.Namespace) -> int:
             "--stiffness needs --radius, the strut radius over the cell's edge, or --density."
         )
     cell = unit_cell(options.name)
-    print(cell_text(cell))
+    print(cell_text(cell, map(unit_cell, cell_names())))
     if options.density is not None:
         _stiffness(cell, radius_of_density(cell, options.density), options.stiffness)
     elif options.radius is not None:

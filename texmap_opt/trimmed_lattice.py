@@ -8,8 +8,8 @@ from texmap_opt.part import Part
 from texmap_opt.region_reach import RegionReach
 from texmap_opt.stress_field import StressField
 from texmap_opt.structure.map import map_structure
+from texmap_opt.structure.net import Net
 from texmap_opt.structure.structure import Structure
-from texmap_opt.structure.tile import Net
 from texmap_opt.structure.trim import Trimmed, trim
 from texmap_opt.warp.grid import Grid
 

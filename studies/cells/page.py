@@ -8,6 +8,7 @@ import numpy as np
 from fea.stiffness_bounds import hashin_shtrikman_bound, plane_hashin_shtrikman_bound
 from texmap_opt.cells.at_density import POISSON
 from texmap_opt.cells.catalogue import unit_cell
+from texmap_opt.cells.face_patterns import face_patterns_text
 from texmap_opt.cells.rigidity import maxwell_number, mechanisms
 from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.structure.tile import tile
@@ -89,10 +90,10 @@ def page(results: dict[str, dict]) -> str:
         _claims(results),
         "## The cells in space",
         "Left one cell, right a block of 2 x 2 x 2, as thick as at ρ = 0.1.",
-        *(_section(cell, results[cell.name]) for cell in space),
+        *(_section(cell, results[cell.name], space) for cell in space),
         "## The cells in the plane",
         "Left one cell extruded, right its cross-section with neighbours, as thick as at ρ = 0.1.",
-        *(_section(cell, results[cell.name]) for cell in plane),
+        *(_section(cell, results[cell.name], plane) for cell in plane),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -198,7 +199,7 @@ def _claims(results: dict[str, dict]) -> str:
     return f"### Poisson's ratios beside their claims\n\n{_table(head, rows)}"
 
 
-def _section(cell: UnitCell, result: dict) -> str:
+def _section(cell: UnitCell, result: dict, others: Sequence[UnitCell]) -> str:
     aliases = f" ({', '.join(cell.aliases)})" if cell.aliases else ""
     facts = [
         ("class", f"{cell.classification}-dominated"),
@@ -215,6 +216,7 @@ def _section(cell: UnitCell, result: dict) -> str:
         _image(f"{cell.name}.jpg", f"{cell.name}{aliases}", WIDTH),
         cell.description,
         "; ".join(f"{name}: {value}" for name, value in facts) + ".",
+        _faces(cell, others),
         f"Source: {cell.source}.",
         _properties(cell, result),
         _laws(cell, result),
@@ -228,6 +230,12 @@ def _section(cell: UnitCell, result: dict) -> str:
             _image("snap.jpg", "bi-stable, as made and snapped through", WIDTH),
         ]
     return "\n\n".join(parts)
+
+
+def _faces(cell: UnitCell, others: Sequence[UnitCell]) -> str:
+    """What lies in the faces (edges of a cross-section), and which cells are joined there as they are."""
+    what = "Faces" if cell.dimensions == 3 else "Edges"
+    return f"{what}: " + "; ".join(face_patterns_text(cell, others).splitlines()) + "."
 
 
 def _properties(cell: UnitCell, result: dict) -> str:

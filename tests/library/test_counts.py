@@ -9,7 +9,8 @@ import pytest
 from texmap_opt.cells import catalogue
 from texmap_opt.cells.catalogue import cell_names
 from texmap_opt.cells.rigidity import maxwell_number, mechanisms
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.net import Net
+from texmap_opt.structure.tile import tile
 
 # Reading checks a cell in full, which takes up to a third of a second.
 unit_cell = cache(catalogue.unit_cell)

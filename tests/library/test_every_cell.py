@@ -15,8 +15,9 @@ from texmap_opt.cells.catalogue import alias_names, cell_names
 from texmap_opt.cells.rigidity import maxwell_number, mechanisms
 from texmap_opt.cells.unit_cell import SECTIONS, TICKS, UnitCell
 from texmap_opt.cells.unit_cell_xml import read_unit_cell
+from texmap_opt.structure.net import Net
 from texmap_opt.structure.segment_distance import point_distance, segment_distance
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.tile import tile
 
 LIBRARY = Path(__file__).parents[2] / "library"
 FILES = sorted(LIBRARY.glob("*.xml"))

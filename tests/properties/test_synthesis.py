@@ -10,9 +10,10 @@ from texmap_opt.box import Box
 from texmap_opt.cells.catalogue import cell_names, unit_cell
 from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.structure.map import RADIUS_MODES, map_structure
+from texmap_opt.structure.net import Net
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.structure_xml import read_structure, write_structure
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.tile import tile
 from texmap_opt.warp.certificate import folded, grid_coefficients
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.inverse_map import PointStatus, grid_coordinates

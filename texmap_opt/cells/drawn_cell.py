@@ -4,8 +4,9 @@ import numpy as np
 
 from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.structure.map import map_structure
+from texmap_opt.structure.net import Net
 from texmap_opt.structure.structure import Structure
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.tile import tile
 
 # Thick enough to see how struts meet, thin enough to see through the cell.
 RADIUS_SHARE = 0.04

@@ -1,12 +1,13 @@
 """The library as a table: what each cell is, and how stiff at one density."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from texmap_opt.cache import StageCache
 from texmap_opt.cells.at_density import all_homogenised_at
+from texmap_opt.cells.face_patterns import face_patterns_text
 from texmap_opt.cells.properties import PROPERTIES
 from texmap_opt.cells.rigidity import maxwell_number, mechanisms
 from texmap_opt.cells.unit_cell import UnitCell
@@ -104,8 +105,13 @@ def listing_text(rows: Sequence[ListedCell], width: int) -> str:
     return "\n".join([*lines, "", note])
 
 
-def cell_text(cell: UnitCell) -> str:
-    """A cell in lines: what it is, how rigid with pin joints, how tiled, whose it is."""
+def cell_text(cell: UnitCell, library: Iterable[UnitCell]) -> str:
+    """A cell in lines: what it is, how rigid with pin joints, how tiled, its faces, whose it is.
+
+    Args:
+        cell: the unit cell.
+        library: cells with which its faces are compared.
+    """
     found = mechanisms(cell)
     known_as = f" (also called {', '.join(cell.aliases)})" if cell.aliases else ""
     proportions = " x ".join(f"{edge:.4g}" for edge in cell.proportions)
@@ -118,6 +124,7 @@ def cell_text(cell: UnitCell) -> str:
         f"mechanisms {found.mechanisms} ({found.strain_producing} of them strains), states of "
         f"self-stress {found.self_stresses}",
         f"  tiled by {cell.tiling}; source: {cell.source}",
+        *(f"  {line}" for line in face_patterns_text(cell, library).splitlines()),
     ]
     return "\n".join(lines)
 

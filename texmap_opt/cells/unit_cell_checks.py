@@ -10,8 +10,9 @@ from scipy.spatial import KDTree
 
 from texmap_opt.box_pairs import box_pairs
 from texmap_opt.cells.unit_cell import TICKS, UnitCell
+from texmap_opt.structure.net import Net
 from texmap_opt.structure.segment_distance import segment_distance
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.tile import tile
 
 AXES = "xyz"
 # The middle one of three cells has all its neighbours; where all cells are copies, two show both sides.

@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from texmap_opt.cells.unit_cell_xml import read_unit_cell
-from texmap_opt.errors import OutputError
+from texmap_opt.errors import CellError, OutputError
 from texmap_opt.export.whole_file import whole_file
 from texmap_opt.structure.structure import WALL, Structure
 
@@ -26,7 +26,7 @@ def write_unit_cell(
         structure: the struts of one cell; its size does not matter.
         name: of the cell.
         source: where it is from.
-        tiling: "translate" or "mirror".
+        tiling: "translate" or "mirror", one word for all axes or one for each.
 
     Raises:
         OutputError: for walls, struts in one plane, or when the file cannot be written.
@@ -42,7 +42,12 @@ def write_unit_cell(
     with tempfile.TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
         trial.write_bytes(text)
-        read_unit_cell(trial)
+        try:
+            read_unit_cell(trial)
+        except CellError as failure:
+            raise CellError(
+                f"these struts make no unit cell, and nothing was written; what would be {failure}"
+            ) from failure
     with whole_file(path) as file:
         file.write(text)
 

@@ -37,8 +37,8 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
         temporary = None
     except OSError as failure:
         raise OutputError(
-            f"{path} cannot be written: {failure.strerror or failure}. Free some space or choose "
-            "another folder with --out."
+            f"{path} cannot be written: {failure.strerror or failure}. Name a file in a folder that "
+            "is there and can be written, or free some space."
         ) from failure
     finally:
         if temporary is not None:

@@ -59,7 +59,8 @@ class OptimalityCriteria(AbstractSizing):
         if not np.allclose(radius, problem.uniform):
             now = problem.solve(radius, now.solution)
         best, history, calm = now, [now.compliance], 0
-        converged, message = False, f"Stopped after {self.iterations} iterations, still improving."
+        converged = False
+        message = f"Stopped after {self.iterations} iterations, still improving; allow more."
         for count in range(1, self.iterations + 1):
             trial = self._step(problem, radius, now)
             change = float(np.abs(trial / radius - 1).max())

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from texmap_opt.cells.face_patterns import face_pattern
 from texmap_opt.cells.unit_cell import TICKS, UnitCell
-from texmap_opt.structure.tile import weld
+from texmap_opt.structure.net import weld
 
 # In steps of 1/`TICKS`: coordinates are rounded to one, and so is the place where two struts cross.
 TOLERANCE = 4.0

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from texmap_opt.errors import CaseError, nearest_name
+from texmap_opt.structure.net import Net
 from texmap_opt.structure.structure import Origin, Structure
-from texmap_opt.structure.tile import Net
 from texmap_opt.warp.cell_corners import Kind, side
 
 RADIUS_MODES = ("constant", "scaled")

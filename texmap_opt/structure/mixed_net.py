@@ -11,8 +11,12 @@ from texmap_opt.cells.unit_cell import TICKS, UnitCell
 from texmap_opt.structure.face_overlay import FaceOverlay, face_overlay
 from texmap_opt.structure.interface import Interface
 from texmap_opt.structure.layout import Layout
+from texmap_opt.structure.net import Net, weld
 from texmap_opt.structure.structure import TRANSITION
-from texmap_opt.structure.tile import Net, weld
+
+# Coordinates of different kinds that differ by less are the same to whoever typed them [ticks]: a
+# ten-thousandth of a cell, a tenth of what joints of one cell are apart at least.
+AGREE = TICKS // 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +83,17 @@ class _Meeting:
 def mixed_net(layout: Layout) -> tuple[Net, tuple[Interface, ...]]:
     """Put the cells of a layout side by side and join what meets.
 
-    Neighbours of one kind share joints and struts as in `tile`; with one kind the net is that of
-    `tile`. In a face between two kinds joints that coincide are shared, struts that cross get a joint,
-    and joints that then lead nowhere get transition struts: see `face_overlay`. So struts in such a
-    face lead from each of its joints to both nets. Everything is compared in whole numbers of
-    1/`TICKS` cells.
+    Neighbours of one kind share what lies in their faces: joints and struts at one place are one. In
+    a face between two kinds joints that coincide are shared, struts that cross get a joint, and
+    joints that then lead nowhere get transition struts: see `face_overlay`. So struts in such a face
+    lead from each of its joints to both nets. Everything is compared in whole numbers of 1/`TICKS`
+    cells, never by distance, after coordinates of different kinds that are nearly equal have been
+    made so (`in_agreement`).
 
     A strut that several kinds have counts as of the first of these in the layout, with the largest of
     their radii. A transition strut is shared by the two cells whose face it lies in.
     """
+    layout = replace(layout, cells=in_agreement(layout.cells))
     joints_before = _starts(layout, [len(cell.joints) for cell in layout.cells])
     meetings = list(_meetings(layout, int(joints_before[-1])))
     points = _points(layout, meetings)
@@ -98,6 +104,27 @@ def mixed_net(layout: Layout) -> tuple[Net, tuple[Interface, ...]]:
         struts = _cut_on_edges(struts, points.ticks[first])
     net = _net(layout, struts, points, first)
     return net, _interfaces(layout, meetings, split, joint)
+
+
+def in_agreement(cells: tuple[UnitCell, ...]) -> tuple[UnitCell, ...]:
+    """The cells, with coordinates that are nearly those of an earlier one made equal to them.
+
+    One file says 0.333, another 1/3: their joints would be two, with a strut of no length between.
+    Equal coordinates stay equal and mirror images stay that, so faces that match still do.
+    """
+    first, *others = cells
+    agreed = [first]
+    known = np.unique(np.concatenate([first.ticks.ravel(), TICKS - first.ticks.ravel()]))
+    for cell in others:
+        ticks = cell.ticks
+        above = np.clip(np.searchsorted(known, ticks), 1, len(known) - 1)
+        low, high = known[above - 1], known[above]
+        near = np.where(ticks - low < high - ticks, low, high)
+        moved = (near != ticks) & (np.abs(near - ticks) <= AGREE)
+        agreed.append(replace(cell, joints=np.where(moved, near / TICKS, cell.joints)))
+        ticks = np.where(moved, near, ticks).ravel()
+        known = np.unique(np.concatenate([known, ticks, TICKS - ticks]))
+    return tuple(agreed)
 
 
 def _starts(layout: Layout, counts: list[int]) -> Int[np.ndarray, " _"]:

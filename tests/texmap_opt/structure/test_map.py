@@ -6,7 +6,8 @@ import pytest
 from texmap_opt.cells.catalogue import cell_names, unit_cell
 from texmap_opt.errors import CaseError
 from texmap_opt.structure.map import cell_sizes, map_structure, multilinear
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.net import Net
+from texmap_opt.structure.tile import tile
 
 
 def box_grid(size=(30.0, 20.0, 10.0), cells=(3, 4, 2)) -> np.ndarray:

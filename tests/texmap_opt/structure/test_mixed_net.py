@@ -15,8 +15,9 @@ from texmap_opt.errors import CellError
 from texmap_opt.structure.layout import Layout
 from texmap_opt.structure.map import mapped_joints
 from texmap_opt.structure.mixed_net import mixed_net
+from texmap_opt.structure.net import Net
 from texmap_opt.structure.structure import TRANSITION
-from texmap_opt.structure.tile import Net, tile
+from texmap_opt.structure.tile import tile
 
 cell = functools.cache(unit_cell)
 # Read here: beartype draws random numbers when it checks, which hypothesis forbids its strategies.
@@ -142,18 +143,6 @@ def test_crossings_are_seen():
     assert crossings(both, 2) == 4
 
 
-@pytest.mark.parametrize("name", DIMENSIONS)
-def test_one_kind_is_tiled_as_ever(name):
-    shape = (3, 2, 2)[: cell(name).dimensions]
-    tiled = tile(cell(name), shape)
-    net, interfaces = mixed_net(Layout((cell(name),), np.zeros(shape, np.int64)))
-    assert interfaces == ()
-    assert (net.kinds, net.section, net.shape) == (tiled.kinds, tiled.section, tiled.shape)
-    for array in ("joints", "joint_cell", "joint_local", "struts", "relative_radius", "kind"):
-        np.testing.assert_array_equal(getattr(net, array), getattr(tiled, array))
-    assert (net.sharing != tiled.sharing).nnz == 0
-
-
 def halves(lower: str, upper: str, n: int = 2) -> Layout:
     kinds = np.zeros((n, n, 2), np.int64)
     kinds[:, :, 1] = 1
@@ -200,6 +189,24 @@ def test_diamond_and_octet_are_tied_along_edges_and_to_the_centre():
     _, (met,) = mixed_net(halves("diamond", "octet"))
     assert (met.method, met.shared_joints, met.split_struts) == ("transition", 0, 0)
     assert met.transition_struts == 12 * 2 + 8 + 4 * 2
+
+
+def test_coordinates_of_few_digits_are_those_of_the_other_kind():
+    """An icosahedron typed with four digits beside one with twelve: the same joints, all shared."""
+    typed = replace(
+        cell("icosahedron"), name="typed", joints=np.round(cell("icosahedron").joints, 4)
+    )
+    kinds = np.zeros((2, 2, 2), np.int64)
+    kinds[:, :, 1] = 1
+    net, (interface,) = mixed_net(Layout((cell("icosahedron"), typed), kinds))
+    assert (interface.method, interface.transition_struts, interface.split_struts) == (
+        "shared",
+        0,
+        0,
+    )
+    alone = tile(cell("icosahedron"), (2, 2, 2))
+    np.testing.assert_array_equal(net.struts, alone.struts)
+    np.testing.assert_allclose(net.joints, alone.joints, atol=1e-8)
 
 
 def test_cells_with_the_same_joints_in_their_faces_just_share_them():
