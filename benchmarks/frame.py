@@ -6,15 +6,13 @@ least of its repeats. `--large` adds PARDISO on octet 24³, most of three minute
 """
 
 import argparse
-import json
-import subprocess
 import sys
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from solid import best, installed, judged_table, machine, write
+from solid import best, installed, judged_table, machine, printed_by, targets, write
 
 # This process stays small and imports no numerics: a child's peak memory starts from its parent's.
 
@@ -81,16 +79,14 @@ def main() -> None:
         "repeats": asked.repeats,
         "left_out": sorted({r.needs for r in wanted if versions[r.needs] is None}),
         "runs": runs,
-        "targets": targets(runs),
+        "targets": targets(runs, figures),
     }
     write(asked.out, result, markdown(result))
 
 
 def child(run: Run) -> dict[str, Any]:
     """What `frame_runs.py` prints, run in a process of its own; a failed solve is its message."""
-    command = [sys.executable, str(HERE / "frame_runs.py"), run.name, run.problem]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-    return json.loads(done.stdout.splitlines()[-1])
+    return printed_by("frame_runs.py", run.name, run.problem)
 
 
 def repeated(
@@ -113,15 +109,6 @@ def least(tries: list[dict[str, Any]]) -> dict[str, Any]:
     """The best of some tries; the first that failed, if one did."""
     failed = [row for row in tries if "failure" in row]
     return failed[0] if failed else best(tries)
-
-
-def targets(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Figures to reach and those reached, by wall seconds; the same by CPU seconds for comparison."""
-    wall, cpu = figures(runs, "wall_s"), figures(runs, "cpu_s")
-    return [
-        {"what": what, "value": value, "limit": limit, "met": value <= limit, "by_cpu": by_cpu}
-        for (what, value, limit), (_, by_cpu, _) in zip(wall, cpu, strict=True)
-    ]
 
 
 def figures(runs: list[dict[str, Any]], kind: str) -> list[tuple[str, float, float]]:

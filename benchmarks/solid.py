@@ -12,6 +12,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -99,7 +100,7 @@ def main() -> None:
         "left_out": sorted({r.needs for r in PLAN if versions[r.needs] is None}),
         "problems": sorted(problems.values(), key=lambda row: row["dofs"]),
         "runs": runs,
-        "targets": targets(runs),
+        "targets": targets(runs, figures),
     }
     write(asked.out, result, markdown(result))
 
@@ -144,7 +145,12 @@ def prepared(folder: Path, problem: tuple[float, str]) -> dict[str, Any]:
 
 def child(name: str, path: Path, *options: str) -> dict[str, Any]:
     """What `solid_runs.py` prints, run in a process of its own."""
-    command = [sys.executable, str(HERE / "solid_runs.py"), name, str(path), *options]
+    return printed_by("solid_runs.py", name, str(path), *options)
+
+
+def printed_by(script: str, *options: str) -> dict[str, Any]:
+    """The last line that a script of this folder prints in a process of its own, which is JSON."""
+    command = [sys.executable, str(HERE / script), *options]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -162,8 +168,16 @@ def best(tries: list[dict[str, Any]]) -> dict[str, Any]:
     return rows
 
 
-def targets(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Figures to reach and those reached, by wall seconds; the same by CPU seconds for comparison."""
+def targets(
+    runs: list[dict[str, Any]],
+    figures: Callable[[list[dict[str, Any]], str], list[tuple[str, float, float]]],
+) -> list[dict[str, Any]]:
+    """Figures to reach and those reached, by wall seconds; the same by CPU seconds for comparison.
+
+    Args:
+        runs: rows of the result.
+        figures: what is judged, its value and its limit, of the rows and "wall_s" or "cpu_s".
+    """
     wall, cpu = figures(runs, "wall_s"), figures(runs, "cpu_s")
     return [
         {"what": what, "value": value, "limit": limit, "met": value <= limit, "by_cpu": by_cpu}

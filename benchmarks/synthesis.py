@@ -6,14 +6,11 @@ figure is the least of its repeats.
 """
 
 import argparse
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 from frame import least, repeated
-from solid import installed, judged_table, machine, write
+from solid import installed, judged_table, machine, printed_by, targets, write
 
 # This process stays small and imports no numerics: a child's peak memory starts from its parent's.
 
@@ -53,25 +50,14 @@ def main() -> None:
         "repeats": asked.repeats,
         "left_out": [],
         "runs": runs,
-        "targets": targets(runs),
+        "targets": targets(runs, figures),
     }
     write(asked.out, result, markdown(result))
 
 
 def child(run: str) -> dict[str, Any]:
     """What `synthesis_runs.py` prints, run in a process of its own."""
-    command = [sys.executable, str(HERE / "synthesis_runs.py"), run]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-    return {"run": run} | json.loads(done.stdout.splitlines()[-1])
-
-
-def targets(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Figures to reach and those reached, by wall seconds; the same by CPU seconds for comparison."""
-    wall, cpu = figures(runs, "wall_s"), figures(runs, "cpu_s")
-    return [
-        {"what": what, "value": value, "limit": limit, "met": value <= limit, "by_cpu": by_cpu}
-        for (what, value, limit), (_, by_cpu, _) in zip(wall, cpu, strict=True)
-    ]
+    return {"run": run} | printed_by("synthesis_runs.py", run)
 
 
 def figures(runs: list[dict[str, Any]], kind: str) -> list[tuple[str, float, float]]:

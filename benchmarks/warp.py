@@ -6,15 +6,12 @@ and each figure is the least of its repeats. `--only fit --cells 8 12` measures 
 """
 
 import argparse
-import json
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from frame import least, repeated
-from solid import installed, judged_table, machine, write
+from solid import installed, judged_table, machine, printed_by, write
 
 # This process stays small and imports no numerics: a child's peak memory starts from its parent's.
 
@@ -85,9 +82,7 @@ def main() -> None:
 
 def child(run: Run) -> dict[str, Any]:
     """What `warp_runs.py` prints, run in a process of its own; a failed warp is its message."""
-    command = [sys.executable, str(HERE / "warp_runs.py"), run.name, run.subject, str(run.cells)]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-    row = json.loads(done.stdout.splitlines()[-1])
+    row = printed_by("warp_runs.py", run.name, run.subject, str(run.cells))
     if run.name == "fit" and "failure" not in row:
         # Of one process: the least of each stage may be of two.
         stages = row["stages"]

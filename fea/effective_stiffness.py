@@ -1,5 +1,6 @@
 """What an elasticity matrix says: constants along directions, anisotropy and averages."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -82,6 +83,53 @@ class DirectionalModulus:
         return self.directions[np.flatnonzero((1 - EQUAL) * self.E.max() <= self.E)[-1]]
 
 
+def stable_stiffness(
+    C: Float[np.ndarray, "_ _"],
+    mandel: Float[np.ndarray, " _"],
+    names: Sequence[str],
+    *,
+    add: str,
+) -> Float[np.ndarray, "_ _"]:
+    """An elasticity matrix in double precision, symmetric to the last bit.
+
+    Args:
+        C: as given [MPa].
+        mandel: factor of each strain component that makes energy the norm of the vector.
+        names: of the strain components.
+        add: what a cell that is a mechanism lacks, for messages.
+
+    Raises:
+        FeaError: when C has another shape, is not finite or not symmetric, or some strain costs no
+            energy; the message names that strain.
+    """
+    C, n = as_float64(C, "Entries of the elasticity matrix"), len(names)
+    if C.shape != (n, n) or not np.isfinite(C).all():
+        raise FeaError(f"The elasticity matrix has shape {C.shape}; give {n} x {n} finite numbers.")
+    skew = float(np.abs(C - C.T).max())
+    if not skew <= SYMMETRIC * float(np.abs(C).max()):
+        raise FeaError(
+            f"The elasticity matrix is not symmetric: entries differ by {skew:.3g} MPa from those "
+            "across the diagonal; check how it was made."
+        )
+    C = (C + C.T) / 2
+    energy, strain = np.linalg.eigh(C * np.outer(mandel, mandel))
+    if not energy[0] > POSITIVE * energy[-1]:
+        softest = mandel * strain[:, 0]
+        # By its largest component, which is positive.
+        softest = softest / softest[np.argmax(np.abs(softest))]
+        parts = [
+            f"{value:.3g} {name}"
+            for value, name in zip(softest, names, strict=True)
+            if abs(value) > 1e-3
+        ]
+        raise FeaError(
+            f"The stiffness does not resist the strain {' + '.join(parts)} (stiffness "
+            f"{energy[0]:.3g} of {energy[-1]:.3g} MPa): the cell is a mechanism; add {add} that "
+            "resist it."
+        )
+    return C
+
+
 @dataclass(frozen=True, eq=False)
 class EffectiveStiffness:
     """A stable linear elastic stiffness of any anisotropy.
@@ -97,31 +145,7 @@ class EffectiveStiffness:
     C: Float[np.ndarray, "6 6"]
 
     def __post_init__(self):
-        C = as_float64(self.C, "Entries of the elasticity matrix")
-        if C.shape != (6, 6) or not np.isfinite(C).all():
-            raise FeaError(f"The elasticity matrix has shape {C.shape}; give 6 x 6 finite numbers.")
-        skew = float(np.abs(C - C.T).max())
-        if not skew <= SYMMETRIC * float(np.abs(C).max()):
-            raise FeaError(
-                f"The elasticity matrix is not symmetric: entries differ by {skew:.3g} MPa from those "
-                "across the diagonal; check how it was made."
-            )
-        C = (C + C.T) / 2
-        energy, strain = np.linalg.eigh(C * np.outer(MANDEL, MANDEL))
-        if not energy[0] > POSITIVE * energy[-1]:
-            softest = MANDEL * strain[:, 0]
-            # By its largest component, which is positive.
-            softest = softest / softest[np.argmax(np.abs(softest))]
-            parts = [
-                f"{value:.3g} {name}"
-                for value, name in zip(softest, STRAIN_NAMES, strict=True)
-                if abs(value) > 1e-3
-            ]
-            raise FeaError(
-                f"The stiffness does not resist the strain {' + '.join(parts)} (stiffness "
-                f"{energy[0]:.3g} of {energy[-1]:.3g} MPa): the cell is a mechanism; add struts or "
-                "material that resist it."
-            )
+        C = stable_stiffness(self.C, MANDEL, STRAIN_NAMES, add="struts or material")
         object.__setattr__(self, "C", C)
 
     @cached_property

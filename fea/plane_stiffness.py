@@ -6,9 +6,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from fea.effective_stiffness import EQUAL, HAS_SYMMETRY, MANDEL, POSITIVE, SYMMETRIC
+from fea.effective_stiffness import EQUAL, HAS_SYMMETRY, MANDEL, stable_stiffness
 from fea.errors import FeaError
-from fea.precision import as_float64
 from fea.stiffness_bounds import PlaneModuli
 
 # As `MANDEL` in space: of xx, yy, xy.
@@ -80,30 +79,7 @@ class PlaneStiffness:
     C: Float[np.ndarray, "3 3"]
 
     def __post_init__(self):
-        C = as_float64(self.C, "Entries of the elasticity matrix")
-        if C.shape != (3, 3) or not np.isfinite(C).all():
-            raise FeaError(f"The elasticity matrix has shape {C.shape}; give 3 x 3 finite numbers.")
-        skew = float(np.abs(C - C.T).max())
-        if not skew <= SYMMETRIC * float(np.abs(C).max()):
-            raise FeaError(
-                f"The elasticity matrix is not symmetric: entries differ by {skew:.3g} MPa from those "
-                "across the diagonal; check how it was made."
-            )
-        C = (C + C.T) / 2
-        energy, strain = np.linalg.eigh(C * np.outer(PLANE_MANDEL, PLANE_MANDEL))
-        if not energy[0] > POSITIVE * energy[-1]:
-            softest = PLANE_MANDEL * strain[:, 0]
-            softest = softest / softest[np.argmax(np.abs(softest))]
-            parts = [
-                f"{value:.3g} {name}"
-                for value, name in zip(softest, PLANE_STRAIN_NAMES, strict=True)
-                if abs(value) > 1e-3
-            ]
-            raise FeaError(
-                f"The stiffness does not resist the strain {' + '.join(parts)} (stiffness "
-                f"{energy[0]:.3g} of {energy[-1]:.3g} MPa): the cell is a mechanism; add walls that "
-                "resist it."
-            )
+        C = stable_stiffness(self.C, PLANE_MANDEL, PLANE_STRAIN_NAMES, add="walls")
         object.__setattr__(self, "C", C)
 
     @cached_property

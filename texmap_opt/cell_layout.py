@@ -1,6 +1,6 @@
 """The unit cells of a case, and which of them is in which cell of its grid."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -19,27 +19,43 @@ from texmap_opt.warp.warped_grid import WarpedGrid
 REGION_SLACK_MM = 1e-9
 
 
-def case_cells(case: DesignCase) -> tuple[UnitCell, ...]:
-    """The cell of `[lattice]`, then those of the zones, each once, with the section asked for.
+@dataclass(frozen=True, eq=False)
+class CaseCells:
+    """The unit cells of a case, each once, with the section asked for.
+
+    Attributes:
+        cells: that of `[lattice]`, then those of the zones.
+        of_zone: which of them each zone has.
+    """
+
+    cells: tuple[UnitCell, ...]
+    of_zone: tuple[int, ...]
+
+
+def case_cells(case: DesignCase) -> CaseCells:
+    """Read the unit cells of a case.
 
     Raises:
         CellError: a cell is unknown or malformed.
         CaseError: a zone's cell does not go with that of `[lattice]`.
     """
-    cells = [_read(case, case.lattice.cell)]
+    cells, of_zone = [_read(case, case.lattice.cell)], []
     for zone in case.zones:
         try:
             # Layout knows which cells go together.
             other = _read(case, zone.cell)
-            if not any(_same(cell, other) for cell in cells):
+            same = [k for k, cell in enumerate(cells) if _same(cell, other)]
+            if not same:
                 Layout((*cells, other), np.zeros((1,) * cells[0].dimensions, np.int64))
+                same = [len(cells)]
                 cells.append(other)
+            of_zone += same
         except CellError as failure:
             raise CaseError(f'{zone.where} cell = "{zone.cell}": {failure}') from failure
-    return tuple(cells)
+    return CaseCells(tuple(cells), tuple(of_zone))
 
 
-def cell_layout(case: DesignCase, cells: tuple[UnitCell, ...], warp: WarpedGrid) -> Layout:
+def cell_layout(case: DesignCase, cells: CaseCells, warp: WarpedGrid) -> Layout:
     """Which cell of a case is in which cell of its warped grid; where zones overlap the later one.
 
     A region is met in space: by the centre of the warped cell, in 2.5-D half way along the extrusion.
@@ -53,13 +69,12 @@ def cell_layout(case: DesignCase, cells: tuple[UnitCell, ...], warp: WarpedGrid)
         CaseError: a zone that selects no cell with material in it.
     """
     kinds = np.zeros(warp.grid.cells, np.int64)
-    for zone in case.zones:
+    for zone, kind in zip(case.zones, cells.of_zone, strict=True):
         chosen = _chosen(case, zone, warp)
         if not (chosen & (warp.occupied_mm3 > 0)).any():
             raise CaseError(f"{zone.where} {_missed(case, zone, warp)}")
-        other = _read(case, zone.cell)
-        kinds.reshape(-1)[chosen] = next(k for k, cell in enumerate(cells) if _same(cell, other))
-    return Layout(cells, kinds)
+        kinds.reshape(-1)[chosen] = kind
+    return Layout(cells.cells, kinds)
 
 
 def require_zones_in_grid(case: DesignCase, grid: Grid) -> None:

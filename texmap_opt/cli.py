@@ -295,12 +295,10 @@ def _cell(options: argparse.Namespace) -> int:
 
 def _stiffness(cell: "UnitCell", radius: float, png: Path | None) -> None:
     from fea.plane_stiffness import PlaneStiffness
-    from texmap_opt.cells.homogenised import fitting_joint_model, homogenised_cell
-    from texmap_opt.cells.homogenised_plane import homogenised_plane_cell
+    from texmap_opt.cells.at_density import homogenised
     from texmap_opt.report.drawing import draw_polar_stiffness, draw_stiffness
 
-    homogenise = homogenised_cell if cell.dimensions == 3 else homogenised_plane_cell
-    found = homogenise(cell, radius=radius, joint_model=fitting_joint_model(cell, radius))
+    found = homogenised(cell, radius)
     print("\n".join(f"  {line}" for line in found.text().splitlines()))
     if png:
         quantity = "Young's modulus\nover the solid's"

@@ -52,7 +52,7 @@ class JointZones:
         """
         if structure.section != FITTED_SECTION or not case.analysis.joint_model:
             return None
-        cells = case_cells(case)
+        cells = case_cells(case).cells
         models = {cell.name: cell.joint_model for cell in cells if cell.joint_model is not None}
         if not models:
             return None

@@ -138,7 +138,7 @@ def look(case: DesignCase) -> Look:
         LatticeError: no lattice would be left.
     """
     part = read_part(case.part, case.directory)
-    cell, *others = case_cells(case)
+    cell, *others = case_cells(case).cells
     plan = plan_grid(case, part_box(case, part.surface, cell), cell)
     grid = plan.grid
     require_loads_in_plane(case, grid.box)

@@ -59,7 +59,7 @@ def run(
 
 def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
     cells = case_cells(case)
-    cell = cells[0]
+    cell = cells.cells[0]
     with progress.stage("part"):
         part = read_part(case.part, case.directory)
         for note in part.notes:
@@ -82,7 +82,8 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
     inputs = warp_inputs(case, part, stress, plan.grid, lattice, given)
     warp = _warped(inputs, lattice, progress, cache)
     with progress.stage("structure"):
-        net, interfaces = mixed_net(cell_layout(case, cells, warp))
+        layout = cell_layout(case, cells, warp)
+        net, interfaces = mixed_net(layout)
         trimmed = trimmed_lattice(case, part, stress, net, warp.grid, radius_mm=plan.radius_mm)
         progress.detail(f"{len(trimmed.structure.struts):,} struts")
         dropped = trimmed.counts.dropped_share
@@ -109,6 +110,7 @@ def _run(case: DesignCase, progress: Progress, cache: StageCache) -> Run:
         stress,
         warp,
         cell,
+        layout,
         interfaces,
         trimmed,
         filling,

@@ -11,6 +11,7 @@ from texmap_opt.part import Part
 from texmap_opt.solid.validity import ValidityReport
 from texmap_opt.stress_field import StressField
 from texmap_opt.structure.interface import Interface
+from texmap_opt.structure.layout import Layout
 from texmap_opt.structure.trim import Trimmed
 from texmap_opt.warp.warped_grid import WarpedGrid
 
@@ -25,6 +26,7 @@ class Run:
         stress: analysis of the solid part.
         warp: the warped grid.
         cell: the unit cell of `[lattice]`.
+        layout: which unit cell is in which cell of the grid.
         interfaces: how unit cells of different kinds were joined.
         trimmed: the lattice in the part before sizing.
         filling: the sized structure and the lattice solid.
@@ -39,6 +41,7 @@ class Run:
     stress: StressField
     warp: WarpedGrid
     cell: UnitCell
+    layout: Layout
     interfaces: tuple[Interface, ...]
     trimmed: Trimmed
     filling: Filling

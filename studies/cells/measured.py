@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from texmap_opt.cache import StageCache
-from texmap_opt.cells.at_density import Homogenised, homogenised_at, slenderness
-from texmap_opt.cells.homogenised import DIRECTIONS, HomogenisedCell
+from texmap_opt.cells.at_density import Homogenised, homogenised_at
+from texmap_opt.cells.homogenised import DIRECTIONS, HomogenisedCell, slenderness
 from texmap_opt.cells.homogenised_plane import PLANE_DIRECTIONS
 from texmap_opt.cells.power_law import power_law
 from texmap_opt.cells.properties import PROPERTIES

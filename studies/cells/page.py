@@ -100,25 +100,14 @@ def page(results: dict[str, dict]) -> str:
 
 def _space_summary(cells: Sequence[UnitCell], results: dict[str, dict]) -> str:
     bound = hashin_shtrikman_bound(1.0, POISSON, COMPARED)
-    rows = []
-    for cell in cells:
-        row, laws = _at(results, cell.name), results[cell.name]["laws"]
-        rows.append(
-            [
-                f"[{cell.name}](#{cell.name})",
-                cell.classification,
-                maxwell_number(cell),
-                *(_number(row[f"E {name}"]) for name in ("100", "110", "111")),
-                _number(row["E_min"]),
-                _number(row["E_max"]),
-                _number(row["G"]),
-                _number(row["nu"]),
-                _number(row["bulk"]),
-                _anisotropy(row),
-                f"{laws['100']['exponent']:.2f}",
-                "fitted" if row["jointed"] else "beams",
-            ]
-        )
+    moduli = ("E 100", "E 110", "E 111", "E_min", "E_max", "G", "nu", "bulk")
+    rows = [
+        [
+            *_compared(cell, results, moduli, law="100"),
+            "fitted" if _at(results, cell.name)["jointed"] else "beams",
+        ]
+        for cell in cells
+    ]
     head = (
         "cell | class | Maxwell | E [100] | E [110] | E [111] | E least | E largest | G | nu | bulk | "
         "Zener | n of E [100] | joints"
@@ -132,24 +121,8 @@ def _space_summary(cells: Sequence[UnitCell], results: dict[str, dict]) -> str:
 
 def _plane_summary(cells: Sequence[UnitCell], results: dict[str, dict]) -> str:
     bound = plane_hashin_shtrikman_bound(1.0, POISSON, COMPARED)
-    rows = []
-    for cell in cells:
-        row, laws = _at(results, cell.name), results[cell.name]["laws"]
-        rows.append(
-            [
-                f"[{cell.name}](#{cell.name})",
-                cell.classification,
-                maxwell_number(cell),
-                *(_number(row[f"E {name}"]) for name in ("x", "xy", "y", "z")),
-                _number(row["E_min"]),
-                _number(row["E_max"]),
-                _number(row["G"]),
-                _number(row["nu"]),
-                _number(row["nu y"]),
-                _anisotropy(row),
-                f"{laws['x']['exponent']:.2f}",
-            ]
-        )
+    moduli = ("E x", "E xy", "E y", "E z", "E_min", "E_max", "G", "nu", "nu y")
+    rows = [_compared(cell, results, moduli, law="x") for cell in cells]
     head = (
         "cell | class | Maxwell | E x | E xy | E y | E z (extrusion) | E least | E largest | G | nu x | "
         "nu y | Zener | n of E x"
@@ -159,6 +132,21 @@ def _plane_summary(cells: Sequence[UnitCell], results: dict[str, dict]) -> str:
         f"E = {COMPARED:g}; Hashin-Shtrikman in the plane E = {_number(bound.E)}, G = {_number(bound.shear)}."
     )
     return f"{_table(head.split(' | '), rows)}\n\n{note}"
+
+
+def _compared(
+    cell: UnitCell, results: dict[str, dict], moduli: Sequence[str], *, law: str
+) -> list[object]:
+    """A row of a summary: class, moduli, anisotropy and the exponent of one power law."""
+    row = _at(results, cell.name)
+    return [
+        f"[{cell.name}](#{cell.name})",
+        cell.classification,
+        maxwell_number(cell),
+        *(_number(row[name]) for name in moduli),
+        _anisotropy(row),
+        f"{results[cell.name]['laws'][law]['exponent']:.2f}",
+    ]
 
 
 def _requirement(results: dict[str, dict]) -> str:

@@ -74,7 +74,7 @@ def uniform() -> Grid:
 
 def kinds_of(case: DesignCase, warp: WarpedGrid) -> np.ndarray:
     cells = case_cells(case)
-    return np.array([cell.name for cell in cells])[cell_layout(case, cells, warp).kinds]
+    return np.array([cell.name for cell in cells.cells])[cell_layout(case, cells, warp).kinds]
 
 
 def test_a_region_takes_the_cells_whose_centre_is_in_it(tmp_path):
@@ -133,7 +133,7 @@ cell = "tetrakaidecahedron"
 grid_cells = [[2, 0, 0], [2, 0, 0]]
 """
     case = case_of(zones, tmp_path)
-    assert [cell.name for cell in case_cells(case)] == ["octet", "tetrakaidecahedron"]
+    assert [cell.name for cell in case_cells(case).cells] == ["octet", "tetrakaidecahedron"]
     kinds = kinds_of(case, warped(uniform()))
     assert (kinds == "tetrakaidecahedron").sum() == 16 - 8 + 1
 

@@ -10,7 +10,12 @@ from scipy.optimize import brentq
 from fea.effective_stiffness import EffectiveStiffness
 from fea.plane_stiffness import PlaneStiffness
 from texmap_opt.cache import StageCache, stage_key
-from texmap_opt.cells.homogenised import HomogenisedCell, fitting_joint_model, homogenised_cell
+from texmap_opt.cells.homogenised import (
+    HomogenisedCell,
+    fitting_joint_model,
+    homogenised_cell,
+    slenderness,
+)
 from texmap_opt.cells.homogenised_plane import HomogenisedPlaneCell, homogenised_plane_cell
 from texmap_opt.cells.periodic_density import periodic_density
 from texmap_opt.cells.unit_cell import UnitCell
@@ -26,16 +31,6 @@ DENSITY_RTOL = 1e-9
 
 # Struts this thick over their length are joints that touch: no lattice is left.
 LARGEST_SLENDERNESS = 0.5
-
-
-def slenderness(cell: UnitCell, radius: float) -> float:
-    """Radius over length of the thickest strut for its length.
-
-    Args:
-        cell: the unit cell.
-        radius: of struts of relative radius 1, in cell edges.
-    """
-    return radius * float(np.max(cell.relative_radius / np.linalg.norm(cell.edges, axis=1)))
 
 
 def radius_of_density(cell: UnitCell, density: float) -> float:
@@ -81,6 +76,21 @@ def _unshared_radius(cell: UnitCell, density: float) -> float:
     return float((density / unit) ** (1 / power))
 
 
+def homogenised(cell: UnitCell, radius: float) -> Homogenised:
+    """The endless lattice of a radius, its joints stiffened where the cell's model was so fitted.
+
+    Args:
+        cell: the unit cell.
+        radius: of struts of relative radius 1, in cell edges.
+
+    Raises:
+        CellError: see `homogenised_cell`.
+    """
+    homogenise = homogenised_cell if cell.dimensions == 3 else homogenised_plane_cell
+    model = fitting_joint_model(cell, radius)
+    return homogenise(cell, radius=radius, nu=POISSON, joint_model=model)
+
+
 def homogenised_at(cell: UnitCell, density: float, *, cache: StageCache) -> Homogenised:
     """The endless lattice of a density, its joints stiffened where the cell's model was so fitted.
 
@@ -97,9 +107,7 @@ def homogenised_at(cell: UnitCell, density: float, *, cache: StageCache) -> Homo
     if stored is not None:
         return _of_stored(cell, stored)
     radius = radius_of_density(cell, density)
-    homogenise = homogenised_cell if cell.dimensions == 3 else homogenised_plane_cell
-    model = fitting_joint_model(cell, radius)
-    result = homogenise(cell, radius=radius, nu=POISSON, joint_model=model)
+    result = homogenised(cell, radius)
     scalars = np.array([result.radius, result.density, result.centre_line_density])
     cache.put(key, {"C": result.stiffness.C, "scalars": scalars})
     return result

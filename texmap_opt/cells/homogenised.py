@@ -1,13 +1,17 @@
 """The lattice of a unit cell as a homogeneous solid: stiffness by its frame model, and density."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from jaxtyping import Float
 
 from fea.beam import StrutMaterial
 from fea.effective_stiffness import EffectiveStiffness
 from fea.errors import FeaError
 from fea.homogenise import homogenise_frame
+from fea.plane_stiffness import PlaneStiffness
 from fea.sections import section as section_of
 from fea.stiffness_bounds import hashin_shtrikman_bound
 from texmap_opt.cells.joint_model import JointModel
@@ -15,6 +19,8 @@ from texmap_opt.cells.periodic_density import periodic_density
 from texmap_opt.cells.periodic_frame import periodic_frame
 from texmap_opt.cells.unit_cell import UnitCell
 from texmap_opt.errors import CellError
+
+Stiffness = TypeVar("Stiffness", EffectiveStiffness, PlaneStiffness)
 
 # Directions that crystallographers call [100], [110] and [111].
 DIRECTIONS = {"100": (1.0, 0.0, 0.0), "110": (1.0, 1.0, 0.0), "111": (1.0, 1.0, 1.0)}
@@ -118,9 +124,49 @@ def fitting_joint_model(cell: UnitCell, radius: float) -> JointModel | None:
         radius: of struts of relative radius 1, in cell edges.
     """
     model = cell.joint_model
-    ends = cell.joints[cell.struts]
-    thickest = radius * cell.relative_radius / np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return model if model is not None and thickest.max() <= model.slenderness else None
+    return model if model is not None and slenderness(cell, radius) <= model.slenderness else None
+
+
+def slenderness(cell: UnitCell, radius: float) -> float:
+    """Radius over length of the thickest strut for its length.
+
+    Args:
+        cell: the unit cell.
+        radius: of struts of relative radius 1, in cell edges.
+    """
+    return radius * float(np.max(cell.relative_radius / np.linalg.norm(cell.edges, axis=1)))
+
+
+def frame_properties(
+    cell: UnitCell,
+    material: StrutMaterial,
+    radius: float,
+    joint_model: JointModel | None,
+    stiffness_of: Callable[[Float[np.ndarray, "_ _"]], Stiffness],
+) -> tuple[Stiffness, float, float]:
+    """Stiffness, density, and density with every strut counted from joint to joint, of an endless lattice.
+
+    Args:
+        cell: the unit cell.
+        material: of the struts.
+        radius: of struts of relative radius 1, in cell edges.
+        joint_model: None: beams from joint to joint.
+        stiffness_of: makes a stiffness of its matrix, and refuses one that resists some strain with
+            nothing.
+
+    Raises:
+        CellError: for a radius that is not positive or so large that the struts fill the cell, or
+            a lattice that resists some strain with nothing.
+        LatticeError: for struts thicker than the joint model was fitted to.
+    """
+    density = checked_density(cell, radius)
+    frame = periodic_frame(
+        cell, edge=1.0, radius=radius, material=material, joint_model=joint_model
+    )
+    try:
+        return stiffness_of(homogenise_frame(frame).C), density, frame.density
+    except FeaError as failure:
+        raise CellError(f'unit cell "{cell.name}": {failure}') from failure
 
 
 def homogenised_cell(
@@ -143,24 +189,9 @@ def homogenised_cell(
             a lattice that resists some strain with nothing.
         LatticeError: for struts thicker than the joint model was fitted to.
     """
-    density = checked_density(cell, radius)
     material = StrutMaterial(1.0, nu, section_of(cell.section))
-    frame = periodic_frame(
-        cell, edge=1.0, radius=radius, material=material, joint_model=joint_model
-    )
-    try:
-        stiffness = EffectiveStiffness(homogenise_frame(frame).C)
-    except FeaError as failure:
-        raise CellError(f'unit cell "{cell.name}": {failure}') from failure
-    return HomogenisedCell(
-        cell=cell,
-        radius=radius,
-        nu=nu,
-        stiffness=stiffness,
-        density=density,
-        centre_line_density=frame.density,
-        joint_model=joint_model,
-    )
+    found = frame_properties(cell, material, radius, joint_model, EffectiveStiffness)
+    return HomogenisedCell(cell, radius, nu, *found, joint_model)
 
 
 def _direction(vector: np.ndarray) -> str:

@@ -5,16 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fea.beam import StrutMaterial
-from fea.errors import FeaError
-from fea.homogenise import homogenise_frame
 from fea.plane_stiffness import PlaneStiffness
 from fea.sections import section as section_of
 from fea.stiffness_bounds import extruded_modulus, plane_hashin_shtrikman_bound
-from texmap_opt.cells.homogenised import checked_density, joints_text
+from texmap_opt.cells.homogenised import frame_properties, joints_text
 from texmap_opt.cells.joint_model import JointModel
-from texmap_opt.cells.periodic_frame import periodic_frame
 from texmap_opt.cells.unit_cell import UnitCell
-from texmap_opt.errors import CellError
 
 # Directions in the plane, by the components of their vectors.
 PLANE_DIRECTIONS = {"x": (1.0, 0.0), "xy": (1.0, 1.0), "y": (0.0, 1.0)}
@@ -96,24 +92,9 @@ def homogenised_plane_cell(
             a lattice that resists some strain with nothing.
         LatticeError: for walls thicker than the joint model was fitted to.
     """
-    density = checked_density(cell, radius)
     material = StrutMaterial(1.0, nu, section_of(cell.section))
-    frame = periodic_frame(
-        cell, edge=1.0, radius=radius, material=material, joint_model=joint_model
-    )
-    try:
-        stiffness = PlaneStiffness(homogenise_frame(frame).C)
-    except FeaError as failure:
-        raise CellError(f'unit cell "{cell.name}": {failure}') from failure
-    return HomogenisedPlaneCell(
-        cell=cell,
-        radius=radius,
-        nu=nu,
-        stiffness=stiffness,
-        density=density,
-        centre_line_density=frame.density,
-        joint_model=joint_model,
-    )
+    found = frame_properties(cell, material, radius, joint_model, PlaneStiffness)
+    return HomogenisedPlaneCell(cell, radius, nu, *found, joint_model)
 
 
 def _degrees(angle: float) -> str:

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from texmap_opt.box_pairs import box_pairs
 from texmap_opt.cells.unit_cell import TICKS, UnitCell
 from texmap_opt.structure.net import Net
-from texmap_opt.structure.segment_distance import segment_distance
+from texmap_opt.structure.segment_distance import point_distance, segment_distance
 from texmap_opt.structure.tile import tile
 
 AXES = "xyz"
@@ -80,20 +80,17 @@ def _close_joints(cell: UnitCell) -> Iterator[Fault]:
 
 def _joints_in_struts(cell: UnitCell) -> Iterator[Fault]:
     """A strut that runs through a joint of the cell would be printed joined and computed apart."""
-    start, end = np.moveaxis(cell.joints[cell.struts], 1, 0)
-    axis = end - start
-    length = np.linalg.norm(axis, axis=1)
-    offset = cell.joints[None] - start[:, None]
-    along = np.einsum("sjd,sd->sj", offset, axis) / length[:, None] ** 2
-    away = np.linalg.norm(offset - along[..., None] * axis[:, None], axis=2)
-    through = (away < TOUCHING) & (along * length[:, None] > TOUCHING)
-    through &= (1 - along) * length[:, None] > TOUCHING
-    for strut, joint in np.argwhere(through):
-        name = _strut_name(cell, int(strut))
+    strut, joint = np.indices((len(cell.struts), len(cell.joints))).reshape(2, -1)
+    other = (cell.struts[strut] != joint[:, None]).all(axis=1)
+    strut, joint = strut[other], joint[other]
+    away = point_distance(cell.joints[joint], cell.joints[cell.struts[strut]])
+    for met in np.flatnonzero(away < TOUCHING):
+        through = int(strut[met])
         yield Fault(
             "strut",
-            int(strut),
-            f'strut "{name}" runs through joint "{cell.joint_names[joint]}"; make it two struts.',
+            through,
+            f'strut "{_strut_name(cell, through)}" runs through joint '
+            f'"{cell.joint_names[joint[met]]}"; make it two struts.',
         )
 
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from texmap_opt.cell_layout import case_cells, cell_layout
 from texmap_opt.errors import OutputError
 from texmap_opt.export.beam_lattice import write_beam_lattice
 from texmap_opt.export.vtk import write_grid, write_stress, write_struts
@@ -181,7 +180,6 @@ def _write_files(run: Run, folder: Path) -> None:
     shape = tuple(n - 1 for n in corners.shape[:3])
     edge, wanted = mean_edge(grid), run.warp.wanted_size
     jacobian = certificate.grid_coefficients(grid).min(axis=1)
-    layout = cell_layout(case, case_cells(case), run.warp)
     write_grid(
         folder / "grid.vtu",
         nodes=corners,
@@ -189,7 +187,7 @@ def _write_files(run: Run, folder: Path) -> None:
             "size_mm": (edge * achieved_sizes(grid)).reshape(shape),
             "wanted_size_mm": (edge * wanted).reshape(shape),
             "min_jacobian": (jacobian / wanted**grid.dimensions).reshape(shape),
-            "kind": layout.kinds.astype(float).reshape(shape),
+            "kind": run.layout.kinds.astype(float).reshape(shape),
         },
     )
     sized = run.filling.sized

@@ -13,10 +13,9 @@ from texmap_opt.cells.at_density import (
     all_homogenised_at,
     homogenised_at,
     radius_of_density,
-    slenderness,
 )
 from texmap_opt.cells.catalogue import unit_cell
-from texmap_opt.cells.homogenised import HomogenisedCell
+from texmap_opt.cells.homogenised import HomogenisedCell, slenderness
 from texmap_opt.cells.homogenised_plane import HomogenisedPlaneCell
 from texmap_opt.cells.periodic_density import periodic_density
 from texmap_opt.errors import CellError
