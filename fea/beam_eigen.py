@@ -256,10 +256,10 @@ def _rigid_arms(part: ElasticPart) -> Float[Array, "4 4"]:
 def _shear_flexibility(part: ElasticPart, material: StrutMaterial) -> Float[Array, ""]:
     """Shear over bending, phi = 12 EI/(kappa G A L²), of the geometric mean of the end radii."""
     section, radius = material.section, jnp.sqrt(part.radii[0] * part.radii[1])
-    slenderness = section.second_moment(radius) / (section.area(radius) * part.length**2)
+    ratio = section.second_moment(radius) / (section.area(radius) * part.length**2)
     # 1/kappa first, so that kappa may be infinite.
     softness = 1 / section.kappa(material.nu) * 12 * material.E / material.G
-    return jnp.asarray(softness * slenderness)
+    return jnp.asarray(softness * ratio)
 
 
 def _motions(strut: Strut, x: Float[Array, "12"]) -> _Motions:

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from fea.abstract_section import AbstractSection
 from fea.beam import Strut, StrutMaterial, strut_displacements
+from fea.columns import columns
 from fea.errors import FeaError
 from fea.frame import FrameProblem, FrameSolution
 from fea.section_forces import (
@@ -158,7 +159,10 @@ def euler_utilisation(
 
 
 def euler_load(frame: FrameProblem, *, length_factor: float = 1.0) -> Float[np.ndarray, " struts"]:
-    """Compressive force under which each strut alone buckles [N]: π² E I/(K L)².
+    """Compressive force under which each strut buckles [N]: π² E I/(K L)² of its column.
+
+    A column is one strut, or several in a row that nothing holds sideways between (`fea.columns`): L is
+    the length of all, and E I the least of them, which is exact for equal ones and safe for others.
 
     I = (∫ dξ/√I)⁻², the section's `moment_of_column`; for all sections but walls that is sqrt(I_a I_b),
     I_a, I_b at the two joints. For them and a linear taper it is exact whenever the ends do not
@@ -189,8 +193,11 @@ def _euler_load(
             "for clamped ones."
         )
     axis = struts.ends[:, 1] - struts.ends[:, 0]
-    mean = frame.section.moment_of_column(*struts.radii.T)
-    return math.pi**2 * frame.E * struts.modulus * mean / (length_factor**2 * (axis**2).sum(-1))
+    stiffness = frame.E * struts.modulus * frame.section.moment_of_column(*struts.radii.T)
+    column = columns(frame)
+    length = jax.ops.segment_sum(jnp.sqrt((axis**2).sum(-1)), column, len(column))
+    least = jax.ops.segment_min(stiffness, column, len(column))
+    return math.pi**2 * least[column] / (length_factor * length[column]) ** 2
 
 
 def end_stress(solution: FrameSolution) -> Float[np.ndarray, "cases struts 2"]:

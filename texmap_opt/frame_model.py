@@ -25,6 +25,7 @@ from texmap_opt.plane_loads import REMEDY, out_of_plane_load
 from texmap_opt.plane_supports import FrameSupports, plane_supports
 from texmap_opt.skinned_frame import ABSENT, FrameSkin
 from texmap_opt.stress_field import MM_PER_M, StressField
+from texmap_opt.structure.silhouette import thickness_inside
 from texmap_opt.structure.structure import Structure
 from texmap_opt.structure.volume import LatticeVolume
 
@@ -46,6 +47,7 @@ class FrameModel:
             are not weighed once for each strut.
         skin: shells whose vertices are joints after those of the structure; None: there is none.
         zones: what the joints add to the struts; None: beams from joint to joint.
+        inside: share of each wall's thickness that is in the part; None: all, as of bars.
         axes: unit vectors along which the frame's coordinates, and the components of all arrays here,
             are taken, as rows: x, y, z, but for walls whose axis of extrusion is none of them.
     """
@@ -60,6 +62,7 @@ class FrameModel:
     weight_factor: float
     skin: FrameSkin | None = None
     zones: JointZones | None = None
+    inside: Float[np.ndarray, " struts"] | None = None
     axes: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
 
     @property
@@ -108,14 +111,21 @@ class FrameModel:
     def section_depths(self) -> Float[np.ndarray, " struts"]:
         """Depth of each wall between the plates of its skin [mm]; 1 for bars.
 
-        The section that the frame knows is 1 mm deep.
+        The section that the frame knows is 1 mm deep. With a skin it is the depth where the wall is in
+        the part: what of its thickness is not there, the rim takes from it (`FrameSkin.shares`).
         """
         walls = self.structure.extrusion
         if walls is None:
             return np.ones(len(self.structure.struts))
         if self.skin is None or self.skin.plates is None:
             return walls.depth
-        return np.maximum(walls.depth - self.skin.plates, ABSENT * walls.depth)
+        depth = walls.depth / self.shares_inside
+        return np.maximum(depth - self.skin.plates, ABSENT * depth)
+
+    @property
+    def shares_inside(self) -> Float[np.ndarray, " struts"]:
+        """Share of each strut's thickness that is in the part."""
+        return np.ones(len(self.structure.struts)) if self.inside is None else self.inside
 
     def section_shares(
         self, radii: Float[Array | np.ndarray, "struts 2"]
@@ -192,6 +202,7 @@ def frame_model(
         weight_factor=_true_share(structure),
         skin=bearer.skin,
         zones=JointZones.of(structure, case, bearer.skin),
+        inside=None if walls is None else thickness_inside(structure, walls, part),
         axes=axes,
     )
     _check_can_be_solved(model, case.path.name)

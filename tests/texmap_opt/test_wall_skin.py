@@ -80,13 +80,13 @@ def compliance(model: FrameModel) -> float:
     return float(solve_frame(model.problem()).compliance.sum())
 
 
-def solid() -> TetMesh:
+def solid(radius: float = RADIUS, skin: float = SKIN) -> TetMesh:
     """The block with its skin and walls as quadratic tets, boxes between the faces of all of them."""
     lines = []
     for axis, size in enumerate(SIZE):
-        at = [0, SKIN, size - SKIN, size]
+        at = [0, skin, size - skin, size]
         if axis < 2:
-            at += [x for g in EDGE * np.arange(size / EDGE + 1) for x in (g - RADIUS, g + RADIUS)]
+            at += [x for g in EDGE * np.arange(size / EDGE + 1) for x in (g - radius, g + radius)]
         at = np.unique(np.round([a for a in at if 0 <= a <= size], 9))
         parts = [np.linspace(a, b, 2 if b - a < 1 else 3)[:-1] for a, b in pairwise(at)]
         lines.append(np.append(np.concatenate(parts), size))
@@ -96,8 +96,8 @@ def solid() -> TetMesh:
     nodes = np.stack([line[whole[:, axis]] for axis, line in enumerate(lines)], axis=1)
     low, high = nodes[box.tets].min(axis=1), nodes[box.tets].max(axis=1)
     x = (low + high) / 2
-    in_skin = np.any((x < SKIN) | (x > np.array(SIZE) - SKIN), axis=1)
-    in_walls = (np.abs(x - EDGE * np.rint(x / EDGE)) < RADIUS)[:, :2].any(axis=1)
+    in_skin = np.any((x < skin) | (x > np.array(SIZE) - skin), axis=1)
+    in_walls = (np.abs(x - EDGE * np.rint(x / EDGE)) < radius)[:, :2].any(axis=1)
     used, tets = np.unique(box.tets[in_skin | in_walls], return_inverse=True)
     return TetMesh(nodes[used], tets.reshape(-1, 4)).to_tet10()
 

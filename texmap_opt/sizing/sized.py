@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from fea.columns import columns
 from fea.frame import FrameSolution
 from fea.shell_stress import skin_stress
 from fea.strut_strength import buckling_utilisation, utilisation
@@ -35,8 +36,9 @@ class Strength:
 
     Attributes:
         utilisation: von Mises stress over yield of each strut; None without a yield stress.
-        euler_utilisation: compressive force of each strut over its Euler load, ends hinged; zero for
-            struts along the skin, which cannot buckle by themselves. Walls buckle in their plane.
+        euler_utilisation: compressive force of each strut over its Euler load, ends hinged; struts in
+            a row are one column (`fea.columns`). Zero for struts along the skin, which cannot buckle
+            by themselves. Walls buckle in their plane, those in a side of the part as the half inside.
         skin_von_mises: von Mises stress of each triangle of the skin [MPa], at the worst of bottom,
             middle and top; None without a skin.
     """
@@ -50,7 +52,9 @@ class Strength:
         """Of a solved frame.
 
         Where the skin holds part of a strut's section, the frame's strut is the rest with the whole
-        section's area; its stress is that of the rest. Walls have a section of unit depth there.
+        section's area; its stress is that of the rest. Walls have a section of unit depth there. One
+        of which a share s of the thickness t is in the part has s times the depth d, and the frame's
+        second moment s d t³/12; it buckles with s² times as much, that of the depth d and thickness s t.
 
         Args:
             model: what was solved.
@@ -62,7 +66,9 @@ class Strength:
             utilisation=None
             if yield_stress is None
             else utilisation(solution, yield_stress) / (share * model.section_depths),
-            euler_utilisation=np.where(share < 1, 0.0, buckling_utilisation(solution)),
+            euler_utilisation=np.where(
+                share < 1, 0.0, buckling_utilisation(solution) / _thinnest(model, solution) ** 2
+            ),
             skin_von_mises=_skin_von_mises(solution),
         )
 
@@ -131,6 +137,19 @@ class AbstractSizing(eqx.Module):
             SizingError: when the limits cannot be met.
             AnalysisError: when the frame cannot be solved.
         """
+
+
+def _thinnest(model: FrameModel, solution: FrameSolution) -> Float[np.ndarray, " struts"]:
+    """Least share of a wall's thickness that is in the part, of each strut's column.
+
+    Under a skin one: what is not in the part is none of the frame's section there.
+    """
+    share = np.ones(len(model.structure.struts))
+    if model.skin is not None:
+        return share
+    column = columns(solution.problem)
+    np.minimum.at(share, column, model.shares_inside)
+    return share[column]
 
 
 def _skin_von_mises(solution: FrameSolution) -> Float[np.ndarray, " faces"] | None:

@@ -60,6 +60,34 @@ def wall_depths(
         extrusion: of the structure.
         part: what the walls stand in.
     """
+    length, weight = _chords_beside(structure, extrusion, part)
+    return _mean(length, weight)
+
+
+def thickness_inside(
+    structure: Structure, extrusion: Extrusion, part: Part
+) -> Float[np.ndarray, " struts"]:
+    """Share of each wall's thickness that is in a part: a half in its sides, else all of it.
+
+    The wall's depth over the mean of the chords that there are. Depth over this share is how deep the
+    wall is where it is inside; the product of depth and thickness is the same.
+
+    Args:
+        structure: joints and walls.
+        extrusion: of the structure, with the depths of its walls in the part.
+        part: what the walls stand in.
+    """
+    length, weight = _chords_beside(structure, extrusion, part)
+    deep = _mean(length, weight * (length > 0))
+    share = np.ones(len(deep))
+    np.divide(extrusion.depth, deep, out=share, where=deep > 0)
+    return np.minimum(share, 1.0)
+
+
+def _chords_beside(
+    structure: Structure, extrusion: Extrusion, part: Part
+) -> tuple[Float[np.ndarray, "struts samples"], Float[np.ndarray, "struts samples"]]:
+    """Chords of the part on both sides of each wall [mm], and their weights; unknown ones have none."""
     start, end = np.moveaxis(structure.joints[structure.struts], 1, 0)
     along = end - start
     across = np.cross(extrusion.axis, along)
@@ -68,7 +96,13 @@ def wall_depths(
     middle = start[:, None] + (1 + t[:, None]) / 2 * along[:, None]
     points = np.stack([middle + across[:, None], middle - across[:, None]], axis=1)
     length = chords(part.surface, points.reshape(-1, 3), extrusion.axis).reshape(-1, 2 * LINES)
-    weight = np.tile(weight, 2)
     known = np.isfinite(length)
-    total = np.where(known, length, 0.0) @ weight
-    return total / np.maximum(known @ weight, np.finfo(float).tiny)
+    return np.where(known, length, 0.0), known * np.tile(weight, 2)
+
+
+def _mean(
+    values: Float[np.ndarray, "struts samples"], weights: Float[np.ndarray, "struts samples"]
+) -> Float[np.ndarray, " struts"]:
+    """Weighted mean of each row, zero where nothing has weight."""
+    total = (values * weights).sum(axis=1)
+    return total / np.maximum(weights.sum(axis=1), np.finfo(float).tiny)

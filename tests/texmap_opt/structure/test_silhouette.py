@@ -1,5 +1,7 @@
 """A part seen along an axis: the outline of its shadow, and how deep it is at each place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ from texmap_opt.part import Part
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.chords import chords
 from texmap_opt.structure.plane_axes import plane_axes
-from texmap_opt.structure.silhouette import silhouette, wall_depths
+from texmap_opt.structure.silhouette import silhouette, thickness_inside, wall_depths
 from texmap_opt.structure.structure import Structure
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -179,3 +181,19 @@ def test_a_wall_in_a_step_has_the_mean_depth_of_its_two_sides():
     stairs = union([block([0, 0, 0], [10, 2, 4]), block([0, 1, 0], [10, 4, 2])])
     found = depths([[[1, 2, 0], [9, 2, 0]]], stairs)
     np.testing.assert_allclose(found, 3, rtol=1e-12)
+
+
+def test_of_a_wall_in_a_side_half_the_thickness_is_inside_and_of_one_in_a_step_all():
+    """Half its length in a side and half within: three quarters; a wall given as whole stays so."""
+    stairs = union([block([0, 0, 0], [10, 2, 4]), block([0, 1, 0], [5, 4, 2])])
+    structure = walls([[[1, 0, 0], [9, 0, 0]], [[1, 2, 0], [4, 2, 0]], [[0, 2, 0], [10, 2, 0]]])
+    part, whole = Part(stairs, "part"), structure.extrusion
+    assert whole is not None
+    inside = replace(whole, depth=wall_depths(structure, whole, part))
+    np.testing.assert_allclose(inside.depth, [2, 3, 2.5], rtol=1e-12)
+    share = thickness_inside(structure, inside, part)
+    np.testing.assert_allclose(share, [1 / 2, 1, 3 / 4], rtol=1e-12)
+    np.testing.assert_array_equal(thickness_inside(structure, whole, part), 1)
+    off = walls([[[1, 9, 0], [9, 9, 0]]])
+    assert off.extrusion is not None
+    np.testing.assert_array_equal(thickness_inside(off, off.extrusion, part), 1)

@@ -89,7 +89,7 @@ def _links(
 PORTAL_PARTS = 16
 
 
-def block(slenderness: float) -> FrameProblem:
+def block(radius_ratio: float) -> FrameProblem:
     """A block of 2 x 2 x 2 body-centred cells on a clamped foot, under a load on its head."""
     cells = np.array([2, 2, 2])
     corner = np.stack(np.meshgrid(*[np.arange(n + 1) for n in cells], indexing="ij"), -1)
@@ -106,7 +106,7 @@ def block(slenderness: float) -> FrameProblem:
     return FrameProblem(
         joints=joints,
         struts=struts,
-        radii=np.full((len(struts), 2), 10 * slenderness),
+        radii=np.full((len(struts), 2), 10 * radius_ratio),
         E=70_000.0,
         nu=0.3,
         section=Round(),
