@@ -128,7 +128,7 @@ def solid_tets(folder: Path, radius: float) -> tuple[TetMesh, dict[str, float]]:
     given, part = case(skin_mm=SKIN, radius=radius), block()
     stress = stress_field(given, part_tets(part, DIVISIONS[0]))
     structure = lattice(given, part, radius, stress)
-    rods = lattice_solid(structure, tolerance_mm=TOLERANCE)
+    rods = lattice_solid(structure, tolerance_mm=TOLERANCE).surface
     result = rod_result(part.surface, rods, skin_mm=SKIN, tolerance_mm=TOLERANCE)
     surface = printable_mesh(result.surface)[0]
     if not kept.exists():

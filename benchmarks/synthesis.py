@@ -95,9 +95,12 @@ def _seconds_per_strut(row: dict[str, Any], kind: str) -> float:
 
 def markdown(result: dict[str, Any]) -> str:
     """The tables for readers."""
-    lines = judged_table(result, "", "{:.3g}")
-    lines += [
-        "",
+    return "\n".join([*judged_table(result, "", "{:.3g}"), "", *markdown_rows(result)]) + "\n"
+
+
+def markdown_rows(result: dict[str, Any]) -> list[str]:
+    """The table of what was measured, one row a run."""
+    lines = [
         "| run | struts | stages, wall / CPU s | GB, before / peak | also |",
         "|---|---|---|---|---|",
     ]
@@ -112,7 +115,7 @@ def markdown(result: dict[str, Any]) -> str:
             f"| {row['run']} | {row['struts']:,} | {stages} | {row['memory_before_gb']:.2f} / "
             f"{row['peak_memory_gb']:.2f} | {also} |"
         )
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _short(value: Any) -> str:

@@ -19,6 +19,7 @@ in plane stress: nothing hinders them along the axis of extrusion.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -37,10 +38,14 @@ from fea.precision import require_x64
 from fea.rigid_motion import rigid_body_modes
 
 ArrayLike = Array | np.ndarray
+Kind = TypeVar("Kind", np.ndarray, Array)
 
 # A joint of a free motion turns, rather than moves, when its rotation over the longest period makes up
 # this share of it.
 TURNS = 0.5
+
+# Struts are padded to a multiple of this: one compilation serves all unit cells of a few dozen.
+STRUTS_STEP = 64
 
 # Dofs of a joint, and Voigt components of a strain, that there are in the plane.
 PLANE_DOFS = (0, 1, 5)
@@ -91,7 +96,7 @@ def homogenise_frame(frame: PeriodicFrame, *, solver: str = "auto") -> Homogenis
     """
     require_x64()
     frame.check()
-    stiffness = np.asarray(_stiffnesses(_Topology.of(frame), frame.parameters))
+    stiffness = _stiffnesses(frame)
     cases, block = len(_unit_strains(frame)), len(_dofs(frame))
     affine = _strut_displacement(frame, np.zeros((cases, len(frame.joints), block)))
     force = np.einsum("sij,csj->csi", stiffness, affine).reshape(cases, -1, block)
@@ -194,10 +199,8 @@ class _Topology(eqx.Module):
     @classmethod
     def of(cls, frame: PeriodicFrame) -> "_Topology":
         """That of a frame."""
-        shift = _in_space(jnp.asarray(frame.offsets @ frame.periods))
-        # Of both joints.
-        dofs = (*_dofs(frame), *(BLOCK + dof for dof in _dofs(frame)))
-        return cls(jnp.asarray(frame.struts), shift, frame.material, dofs)
+        shift = jnp.asarray(_in_space(frame.offsets @ frame.periods))
+        return cls(jnp.asarray(frame.struts), shift, frame.material, _both(_dofs(frame)))
 
     def values(self, parameters: Mapping[str, ArrayLike]) -> Strut:
         """The struts with some parameters."""
@@ -216,13 +219,19 @@ class _Topology(eqx.Module):
         return beam_stiffnesses(self.values(parameters), self.material)[:, dofs[:, None], dofs]
 
 
-def _in_space(points: Float[Array, "points d"]) -> Float[Array, "points 3"]:
+def _in_space(points: Float[Kind, "*points d"]) -> Float[Kind, "*points 3"]:
     """Points of the plane with a third coordinate of zero; points in space as they are."""
-    return jnp.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+    xp = points.__array_namespace__()
+    return xp.pad(points, [(0, 0)] * (points.ndim - 1) + [(0, 3 - points.shape[-1])])
 
 
 def _dofs(frame: PeriodicFrame) -> tuple[int, ...]:
     return PLANE_DOFS if frame.dimensions == 2 else tuple(range(BLOCK))
+
+
+def _both(dofs: tuple[int, ...]) -> tuple[int, ...]:
+    """Those of both joints of a strut."""
+    return (*dofs, *(BLOCK + dof for dof in dofs))
 
 
 def _unit_strains(frame: PeriodicFrame) -> Float[np.ndarray, "cases d d"]:
@@ -234,17 +243,26 @@ def _unit_strains(frame: PeriodicFrame) -> Float[np.ndarray, "cases d d"]:
 def _near_null(frame: PeriodicFrame) -> Float[np.ndarray, "dofs modes"]:
     """Rigid motions of the joints, joint 0 at rest."""
     dofs = list(_dofs(frame))
-    modes = rigid_body_modes(np.asarray(_in_space(jnp.asarray(frame.joints))), rotations=True)
+    modes = rigid_body_modes(_in_space(frame.joints), rotations=True)
     modes = modes.reshape(-1, BLOCK, BLOCK)[:, dofs][:, :, dofs]
     modes[0, : frame.dimensions] = 0.0
     return modes.reshape(-1, len(dofs))
 
 
-@eqx.filter_jit
-def _stiffnesses(
-    topology: _Topology, parameters: Mapping[str, ArrayLike]
-) -> Float[Array, "struts dofs dofs"]:
-    return topology.stiffnesses(parameters)
+def _stiffnesses(frame: PeriodicFrame) -> Float[np.ndarray, "struts dofs dofs"]:
+    """Of all struts, in the dofs that there are."""
+    count = len(frame.struts)
+    rigid = np.zeros((count, 2)) if frame.rigid_ends is None else frame.rigid_ends
+    modulus = np.ones(count) if frame.modulus is None else frame.modulus
+    values = Strut(*map(_padded, (_in_space(frame.ends), frame.radii, rigid, modulus)))
+    dofs = np.array(_both(_dofs(frame)))
+    return np.asarray(beam_stiffnesses(values, frame.material))[:count, dofs[:, None], dofs]
+
+
+def _padded(values: Float[np.ndarray, "struts ..."]) -> Float[Array, "_ ..."]:
+    """The last one repeated to a multiple of `STRUTS_STEP`."""
+    more = -len(values) % STRUTS_STEP
+    return jnp.asarray(np.concatenate([values, np.repeat(values[-1:], more, axis=0)]))
 
 
 @eqx.filter_jit

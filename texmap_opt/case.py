@@ -10,6 +10,15 @@ import tomli_w
 
 from fea import Material
 from texmap_opt.builtin_part import BUILTIN_PARTS
+from texmap_opt.case_openings import (
+    Drain,
+    DrainSection,
+    Opening,
+    OpeningSection,
+    drains,
+    openings,
+    require_skin,
+)
 from texmap_opt.case_sections import (
     SECTIONS,
     SURFACE_ACTIONS,
@@ -33,6 +42,15 @@ from texmap_opt.region import AbstractRegion
 from texmap_opt.region_table import region_from_table
 from texmap_opt.warping_function.painted import PaintedRegion
 
+# Sections that may stand several times, written [[name]].
+REPEATED = {
+    "support": SupportSection,
+    "load": LoadSection,
+    "zone": ZoneSection,
+    "opening": OpeningSection,
+    "drain": DrainSection,
+    "paint": PaintSection,
+}
 # Keys that name a file, relative to the case.
 FILES = (("part", "file"), ("analysis", "mesh"), ("imported", "file"), ("imported", "values"))
 
@@ -69,7 +87,7 @@ class DesignCase:
         path: the case file.
         part, analysis, lattice, warp, sizing, output: the sections, defaults filled in.
         material: elastic constants and density in MPa and tonne/mm³.
-        supports, loads, zones, paint: with their regions understood.
+        supports, loads, zones, openings, drains, paint: with their regions understood.
         imported: the result of another program that drives the warp; None: there is none.
         tables: the TOML tables that `to_toml` writes back.
     """
@@ -82,6 +100,8 @@ class DesignCase:
     loads: tuple[Load, ...]
     lattice: LatticeSection
     zones: tuple[Zone, ...]
+    openings: tuple[Opening, ...]
+    drains: tuple[Drain, ...]
     warp: WarpSection
     paint: tuple[PaintedRegion, ...]
     imported: ImportedSection | None
@@ -101,7 +121,7 @@ class DesignCase:
         named = [self.part.file, *(cell for cell in cells if cell.endswith(".xml"))]
         if self.imported is not None:
             named += [self.imported.file, self.imported.values]
-        for name in ("support", "load", "zone", "paint"):
+        for name in ("support", "load", "zone", "opening", "paint"):
             named += [_region_file(entry.get("region")) for entry in self.tables.get(name, [])]
         return (self.path, *(self.directory / name for name in named if name))
 
@@ -146,7 +166,7 @@ class DesignCase:
     def from_tables(tables: dict[str, Any], path: Path) -> "DesignCase":
         """Validate tables already read; `path` names the file in messages."""
         file = path.name
-        known = {*SECTIONS, "support", "load", "zone", "paint", "imported"}
+        known = {*SECTIONS, *REPEATED, "imported"}
         for name in tables:
             if name not in known:
                 raise CaseError(f"{file}: [{name}] is not a section; {nearest_name(name, known)}")
@@ -162,10 +182,10 @@ class DesignCase:
             material=sections.pop("material").material(f"{file}: [material]"),
             supports=_supports(tables, file, path.resolve().parent),
             loads=_loads(tables, file, path.resolve().parent),
-            zones=zones(_read_all(ZoneSection, tables, "zone", file), file, path.resolve().parent),
-            paint=painted_regions(
-                _read_all(PaintSection, tables, "paint", file), file, path.resolve().parent
-            ),
+            zones=zones(_read_all(tables, "zone", file), file, path.resolve().parent),
+            openings=openings(_read_all(tables, "opening", file), file, path.resolve().parent),
+            drains=drains(_read_all(tables, "drain", file), file),
+            paint=painted_regions(_read_all(tables, "paint", file), file, path.resolve().parent),
             imported=_imported(tables, file),
             tables=tables,
             **sections,
@@ -185,17 +205,13 @@ class DesignCase:
                 "density_g_cm3": material.density / TONNE_PER_MM3,
             },
             "analysis": _known(self.analysis),
-            "support": [_known(s) for s in _read_all(SupportSection, self.tables, "support")],
-            "load": [_known(s) for s in _read_all(LoadSection, self.tables, "load")],
         }
         if material.yield_stress is not None:
             tables["material"]["yield_MPa"] = material.yield_stress
         for name in ("lattice", "warp", "sizing", "output"):
             tables[name] = _known(getattr(self, name))
-        if self.zones:
-            tables["zone"] = [_known(s) for s in _read_all(ZoneSection, self.tables, "zone")]
-        if self.paint:
-            tables["paint"] = [_known(s) for s in _read_all(PaintSection, self.tables, "paint")]
+        for name in [name for name in REPEATED if self.tables.get(name)]:
+            tables[name] = [_known(section) for section in _read_all(self.tables, name)]
         if self.imported is not None:
             tables["imported"] = _known(self.imported)
         self._anchor(tables)
@@ -219,7 +235,7 @@ class DesignCase:
             cell = self.directory / table["cell"]
             if cell.suffix.lower() == ".xml":
                 table["cell"] = str(cell.resolve())
-        for name in ("support", "load", "zone", "paint"):
+        for name in REPEATED:
             for action in tables.get(name, []):
                 self._anchor_region(action.get("region", {}))
 
@@ -280,18 +296,18 @@ def _part_section(table: Any, file: str) -> PartSection:
     return dataclasses.replace(part, dimensions=dimensions)
 
 
-def _read_all(section: type, tables: dict[str, Any], name: str, file: str = "case") -> list:
+def _read_all(tables: dict[str, Any], name: str, file: str = "case") -> list:
     entries = tables.get(name, [])
     if not isinstance(entries, list):
         raise CaseError(f"{file}: [{name}] must be written [[{name}]], once for each.")
     return [
-        read_section(section, entry, f"{file}: [[{name}]] {i}")
+        read_section(REPEATED[name], entry, f"{file}: [[{name}]] {i}")
         for i, entry in enumerate(entries, start=1)
     ]
 
 
 def _supports(tables: dict[str, Any], file: str, base: Path) -> tuple[Support, ...]:
-    sections = _read_all(SupportSection, tables, "support", file)
+    sections = _read_all(tables, "support", file)
     if not sections:
         raise CaseError(
             f"{file}: has no [[support]]: the part would fly away; add one with a region and "
@@ -313,7 +329,7 @@ def _supports(tables: dict[str, Any], file: str, base: Path) -> tuple[Support, .
 
 
 def _loads(tables: dict[str, Any], file: str, base: Path) -> tuple[Load, ...]:
-    sections = _read_all(LoadSection, tables, "load", file)
+    sections = _read_all(tables, "load", file)
     if not sections:
         raise CaseError(f"{file}: has no [[load]]: add one with a region and force_N.")
     loads = []
@@ -354,6 +370,7 @@ def _check_together(case: DesignCase, file: str) -> None:
             f"{file}: [analysis] max_error = {analysis.max_error:g}: the tets of mesh = "
             f"{analysis.mesh!r} are taken as they are; give one of them."
         )
+    require_skin((*case.openings, *case.drains), lattice.skin_mm)
     for a, b in (("cells", "cell_mm"), ("radius_mm", "relative_density")):
         if (getattr(lattice, a) is None) == (getattr(lattice, b) is None):
             raise CaseError(f"{file}: [lattice]: give either {a} or {b}.")

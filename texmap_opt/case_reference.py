@@ -9,14 +9,8 @@ from dataclasses import MISSING
 
 import fea
 from texmap_opt.builtin_part import BUILTIN_PARTS
-from texmap_opt.case_sections import (
-    SECTIONS,
-    ImportedSection,
-    LoadSection,
-    PaintSection,
-    SupportSection,
-)
-from texmap_opt.case_zones import ZoneSection
+from texmap_opt.case import REPEATED
+from texmap_opt.case_sections import SECTIONS, ImportedSection
 from texmap_opt.region_table import REGION_KEYS
 
 INTRODUCTION = """# The case file
@@ -31,9 +25,9 @@ def case_reference() -> str:
     """The whole page as Markdown."""
     parts = [INTRODUCTION]
     titles = {name: f"[{name}]" for name in (*SECTIONS, "imported")} | {
-        name: f"[[{name}]]" for name in ("support", "load", "zone", "paint")
+        name: f"[[{name}]]" for name in REPEATED
     }
-    sections = dict(SECTIONS)
+    sections = {**SECTIONS, **REPEATED, "imported": ImportedSection}
     order = [
         "part",
         "material",
@@ -42,19 +36,14 @@ def case_reference() -> str:
         "load",
         "lattice",
         "zone",
+        "opening",
+        "drain",
         "warp",
         "paint",
         "imported",
         "sizing",
         "output",
     ]
-    sections |= {
-        "support": SupportSection,
-        "load": LoadSection,
-        "zone": ZoneSection,
-        "paint": PaintSection,
-        "imported": ImportedSection,
-    }
     for name in order:
         section = sections[name]
         doc = (section.__doc__ or "").strip().split("`: ", 1)[-1].capitalize()

@@ -200,9 +200,8 @@ class LatticeSection:
     )
     fillet_mm: float = key(
         number(least=0.0),
-        "fillet radius at joints",
+        "fillet radius at joints; smaller where struts leave no room",
         default=0.0,
-        later="fillets are not offered yet; leave it out or give 0.",
     )
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from texmap_opt.case import DesignCase
 from texmap_opt.case_zones import Zone
@@ -70,10 +70,25 @@ def cell_layout(case: DesignCase, cells: CaseCells, warp: WarpedGrid) -> Layout:
     """
     kinds = np.zeros(warp.grid.cells, np.int64)
     for zone, kind in zip(case.zones, cells.of_zone, strict=True):
-        chosen = _chosen(case, zone, warp)
+        chosen = _chosen(case, zone, warp.grid, warp.f)
         if not (chosen & (warp.occupied_mm3 > 0)).any():
             raise CaseError(f"{zone.where} {_missed(case, zone, warp)}")
         kinds.reshape(-1)[chosen] = kind
+    return Layout(cells.cells, kinds)
+
+
+def planned_layout(case: DesignCase, cells: CaseCells, grid: Grid) -> Layout:
+    """The same before the warp, in its uniform grid; zones by f are not known yet and left out.
+
+    Args:
+        case: its zones.
+        cells: see `case_cells`.
+        grid: the uniform grid, margin included.
+    """
+    kinds = np.zeros(grid.cells, np.int64)
+    for zone, kind in zip(case.zones, cells.of_zone, strict=True):
+        if zone.f is None:
+            kinds.reshape(-1)[_chosen(case, zone, grid, None)] = kind
     return Layout(cells.cells, kinds)
 
 
@@ -120,13 +135,15 @@ def _same(one: UnitCell, other: UnitCell) -> bool:
     )
 
 
-def _chosen(case: DesignCase, zone: Zone, warp: WarpedGrid) -> Bool[np.ndarray, " cells"]:
-    grid = warp.grid
+def _chosen(
+    case: DesignCase, zone: Zone, grid: Grid, f: Float[np.ndarray, " cells"] | None
+) -> Bool[np.ndarray, " cells"]:
+    """Cells of a zone; f is needed by those that are chosen by it."""
     if zone.region is not None:
         centres = grid.box.positions(grid.centres)
         return zone.region.contains(centres, None, slack=REGION_SLACK_MM)
-    if zone.f is not None:
-        return (warp.f >= zone.f[0]) & (warp.f <= zone.f[1])
+    if zone.f is not None and f is not None:
+        return (f >= zone.f[0]) & (f <= zone.f[1])
     chosen = np.zeros(grid.cells, bool)
     if zone.grid_cells is not None:
         first, last = _block(case, zone.grid_cells, grid)

@@ -5,14 +5,15 @@ import json
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import jax
 
 from texmap_opt import progress
-from texmap_opt.cache import DEFAULT_LIMIT_MB, StageCache
+from texmap_opt.arguments import parsed
+from texmap_opt.cache import StageCache
 from texmap_opt.errors import InputError, TexmapError
 
 if TYPE_CHECKING:  # commands import what they need, so that `texmap check` starts at once
@@ -26,7 +27,7 @@ INTERRUPTED = 130  # 128 + SIGINT, the shell's custom
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script; ends the process with the contract's exit code."""
     jax.config.update("jax_enable_x64", True)
-    options = _parser().parse_args(arguments)
+    options = parsed(arguments, COMMANDS)
     # Being told to end must end the tet mesher's process too, and leave no partial files.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     _keep_compiled_code()
@@ -60,126 +61,6 @@ def _keep_compiled_code() -> None:
         jax.config.update("jax_compilation_cache_dir", str(directory / "compiled"))
         jax.config.update("jax_compilation_cache_max_size", COMPILED_BYTES)
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="texmap", description="Fill a part with a lattice shaped by its own stresses."
-    )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def command(name: str, function, help_text: str) -> argparse.ArgumentParser:
-        added = commands.add_parser(name, help=help_text, description=help_text)
-        added.set_defaults(command=function)
-        return added
-
-    run = command("run", _run, "the main job: from a case file to a printable part")
-    run.add_argument("case", type=Path, help="case file (TOML)")
-    run.add_argument("--out", type=Path, required=True, help="folder for the results")
-    _case_options(run)
-    loudness = run.add_mutually_exclusive_group()
-    loudness.add_argument("--quiet", action="store_true", help="say nothing but errors")
-    loudness.add_argument("--json-progress", action="store_true", help="progress as JSON lines")
-
-    look = command("look", _look, "what a run would do: picture and estimates, in seconds")
-    look.add_argument("case", type=Path, help="case file (TOML)")
-    look.add_argument("--png", type=Path, default=Path("look.png"), help="where the picture goes")
-    look.add_argument("--part", type=Path, help="replaces [part] file")
-
-    new = command("new", _new, "write a commented starter case with its part")
-    new.add_argument("directory", type=Path)
-
-    _library_commands(command)
-
-    mesh = command("mesh", _mesh, "the solid of a structure.xml")
-    mesh.add_argument("structure", type=Path)
-    mesh.add_argument("-o", "--output", type=Path, required=True, help="STL or 3MF")
-    _tolerance(mesh)
-
-    combine = command("combine", _combine, "join a part with a lattice solid")
-    combine.add_argument("part", type=Path)
-    combine.add_argument("lattice", type=Path)
-    combine.add_argument("-o", "--output", type=Path, required=True, help="STL or 3MF")
-    combine.add_argument("--kind", choices=["rod", "plate"], default="rod")
-    combine.add_argument("--skin", type=float, default=1.0, help="skin thickness [mm]; 0: none")
-    combine.add_argument("--unit", default="mm", choices=["mm", "cm", "m", "in"])
-    _tolerance(combine)
-
-    _convert_options(command("convert", _convert, "a structure from one file format to another"))
-
-    command("check", _check, "validity report of a surface file, as JSON").add_argument(
-        "file", type=Path
-    )
-    return parser
-
-
-def _library_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
-    cells = command(
-        "cells", _cells, "list the unit cells of the library, or order them by a property"
-    )
-    cells.add_argument(
-        "--rank", metavar="PROPERTY", help="order them by this, such as E or E_ratio"
-    )
-    cells.add_argument(
-        "--direction",
-        help="of E, G and nu; default 1,0,0; =-1,0,0 with a minus",
-    )
-    cells.add_argument("--density", type=float, help="relative density to rank at; default 0.1")
-    cells.add_argument("--ascending", action="store_true", help="rank the least first")
-    cells.add_argument(
-        "--dimensions", type=int, choices=[2, 3], help="3-D cells only, or 2.5-D (2)"
-    )
-    cells.add_argument("--json", action="store_true", help="print it as JSON")
-    cell = command("cell", _cell, "describe one unit cell, and draw it")
-    cell.add_argument("name", help="a name of `texmap cells`, or a unit-cell XML")
-    cell.add_argument("--png", type=Path, help="draw it into this file")
-    cell.add_argument(
-        "--radius",
-        type=float,
-        help="strut radius over the cell's edge: print stiffness and density",
-    )
-    cell.add_argument("--density", type=float, help="relative density, instead of the radius")
-    cell.add_argument(
-        "--stiffness", type=Path, help="draw Young's modulus over all directions into this file"
-    )
-
-
-def _case_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--part", type=Path, help="replaces [part] file")
-    parser.add_argument("--method", help="replaces [warp] method")
-    parser.add_argument("--no-cache", action="store_true", help="compute every stage anew")
-    parser.add_argument(
-        "--cache-mb", type=float, default=DEFAULT_LIMIT_MB, help="size limit of the cache [MB]"
-    )
-
-
-def _convert_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("input", type=Path, help="XML, NPZ, INP, 3MF, LTCX, VTP, VTU or VTK")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="XML, NPZ, INP, 3MF or VTP"
-    )
-    parser.add_argument(
-        "--unit", choices=["mm", "cm", "m", "in"], help="of an INP or VTK file read; default mm"
-    )
-    parser.add_argument("--radius", type=float, help="where a VTK or LTCX file has none [mm]")
-    parser.add_argument(
-        "--section", choices=["round", "square"], help="of a VTK or LTCX file; default round"
-    )
-    parser.add_argument(
-        "--solver", choices=["abaqus", "calculix"], help="an INP file is for; default abaqus"
-    )
-    parser.add_argument(
-        "--segments", type=int, help="elements of a strut in an INP file; default 1"
-    )
-    parser.add_argument("--material", help="of an INP file, by its name")
-    parser.add_argument("--cell", metavar="NAME", help="write it as a unit cell of that name (XML)")
-    parser.add_argument(
-        "--tiling", help="of --cell: translate (default), mirror, or a word an axis in one argument"
-    )
-
-
-def _tolerance(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--tolerance", type=float, default=0.05, help="geometric error bound [mm]")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -219,13 +100,18 @@ def _headline(report: dict, out: Path) -> str:
 
 def _look(options: argparse.Namespace) -> int:
     from texmap_opt.case import DesignCase
+    from texmap_opt.export.picture_file import require_png
     from texmap_opt.look import draw_look, look
 
+    require_png(options.png)
     case = DesignCase.from_toml(options.case, part_file=options.part)
     seen = look(case)
     print(seen.text())
-    missing = draw_look(seen, options.png)
-    print(f"no picture: {missing}" if missing else f"picture: {options.png}")
+    files, missing = draw_look(seen, options.png)
+    for name, file in files.items():
+        print(f"picture   {file}{'' if name == 'look' else ': which unit cell is where'}")
+    for reason in missing.values():
+        print(f"no picture: {reason}")
     return 0
 
 
@@ -271,7 +157,11 @@ def _cell(options: argparse.Namespace) -> int:
     from texmap_opt.cells.at_density import radius_of_density
     from texmap_opt.cells.catalogue import cell_names, unit_cell
     from texmap_opt.cells.listing import cell_text
+    from texmap_opt.export.picture_file import require_png
 
+    for picture in (options.png, options.stiffness):
+        if picture is not None:
+            require_png(picture)
     if options.radius is not None and options.density is not None:
         raise InputError("--radius and --density were both given; one follows from the other.")
     if options.stiffness and options.radius is None and options.density is None:
@@ -317,8 +207,13 @@ def _mesh(options: argparse.Namespace) -> int:
 
     tolerance = _positive(options.tolerance, "--tolerance")
     check_ending(options.output)
-    surface = lattice_solid(read_structure(options.structure), tolerance_mm=tolerance)
-    surface, _ = printable_mesh(surface)
+    if not options.fillet >= 0:
+        raise InputError(f"--fillet {options.fillet}: must be 0 or more [mm].")
+    structure = read_structure(options.structure)
+    lattice = lattice_solid(structure, tolerance_mm=tolerance, fillet_mm=options.fillet)
+    for note in lattice.notes(options.fillet):
+        print(f"texmap: {note}", file=sys.stderr)
+    surface, _ = printable_mesh(lattice.surface)
     Solid(surface).save(options.output)
     print(f"{options.output}: {len(surface.faces):,} triangles, {surface.volume:,.1f} mm³")
     return 0
@@ -364,6 +259,7 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _combine(options: argparse.Namespace) -> int:
+    from texmap_opt.case_openings import drain_from_text, opening_from_text
     from texmap_opt.combine.part_with_lattice import plate_result, rod_result
     from texmap_opt.export.solid_file import Solid, check_ending
     from texmap_opt.part import read_surface
@@ -373,26 +269,88 @@ def _combine(options: argparse.Namespace) -> int:
     if not options.skin >= 0:
         raise InputError(f"--skin {options.skin}: must be 0 or more [mm].")
     check_ending(options.output)
+    skin = {
+        "skin_mm": options.skin,
+        "tolerance_mm": tolerance,
+        "openings": [opening_from_text(text) for text in options.opening],
+        "drains": [drain_from_text(text) for text in options.drain],
+    }
     part = read_surface(options.part, unit=options.unit)
     lattice = read_surface(options.lattice, unit="mm")
     join = rod_result if options.kind == "rod" else plate_result
-    combined = join(part.surface, lattice.surface, skin_mm=options.skin, tolerance_mm=tolerance)
+    combined = join(part.surface, lattice.surface, **skin)
+    for note in combined.notes():
+        print(f"texmap: {note}", file=sys.stderr)
     surface, _ = printable_mesh(combined.surface)
     Solid(surface).save(options.output)
     print(f"{options.output}: {len(surface.faces):,} triangles, {surface.volume:,.1f} mm³")
     return 0
 
 
+def _split(options: argparse.Namespace) -> int:
+    from texmap_opt.combine.halves import halves, middle_plane, plane_from_text
+    from texmap_opt.export.metadata import Metadata
+    from texmap_opt.export.solid_file import Solid, check_ending
+    from texmap_opt.export.three_mf import write_objects
+    from texmap_opt.part import read_surface
+    from texmap_opt.solid.float32_solid import printable_mesh
+
+    files = options.output
+    together = len(files) == 1 and files[0].suffix.lower() == ".3mf"
+    if not together and (len(files) != 2 or files[0].resolve() == files[1].resolve()):
+        raise InputError("-o: name two different files, or one 3MF file that holds both pieces.")
+    for file in files:
+        check_ending(file)
+    given = None if options.plane is None else plane_from_text(options.plane)
+    surface = read_surface(options.file, unit=options.unit).surface
+    pieces = [
+        printable_mesh(piece)[0] for piece in halves(surface, *given or middle_plane(surface))
+    ]
+    if together:
+        title = Metadata(title=f"{options.file.stem} in two")
+        write_objects(files[0], dict(zip(("first", "second"), pieces, strict=True)), title)
+    else:
+        for piece, file in zip(pieces, files, strict=True):
+            Solid(piece).save(file)
+    for piece, file in zip(pieces, files * (3 - len(files)), strict=True):
+        print(f"{file}: {len(piece.faces):,} triangles, {piece.volume:,.1f} mm³")
+    return 0
+
+
 def _check(options: argparse.Namespace) -> int:
-    from texmap_opt.part_file import read_surface_file
+    from texmap_opt.cells.properties import direction_of
+    from texmap_opt.part_file import read_any_surface
+    from texmap_opt.solid.printability import PrintLimits, printability
     from texmap_opt.solid.validity import validity
 
-    report = validity(read_surface_file(options.file))
-    print(json.dumps(report.as_dict(), indent=2))
-    return 0 if report.printable else 1
+    x, y, z = direction_of(options.build_direction).tolist()
+    limits = PrintLimits((x, y, z), options.overhang, options.min_wall, options.min_gap)
+    surface = read_any_surface(options.file)
+    report = validity(surface)
+    measured = printability(surface, report, limits=limits)
+    numbers = {"printability": None if measured is None else measured.as_dict()}
+    print(json.dumps(report.as_dict() | numbers, indent=2, allow_nan=False))
+    violations = [] if measured is None else measured.violations
+    for violation in violations:
+        print(f"texmap: {options.file.name}: {violation}.", file=sys.stderr)
+    return 0 if report.printable and not violations else 1
 
 
 def _positive(value: float, name: str) -> float:
     if not value > 0:
         raise InputError(f"{name} {value}: must be above 0 [mm].")
     return value
+
+
+COMMANDS = {
+    "run": _run,
+    "look": _look,
+    "new": _new,
+    "cells": _cells,
+    "cell": _cell,
+    "mesh": _mesh,
+    "combine": _combine,
+    "split": _split,
+    "convert": _convert,
+    "check": _check,
+}

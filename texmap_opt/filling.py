@@ -14,8 +14,7 @@ from texmap_opt.plane_loads import eccentric_loads, out_of_plane_load
 from texmap_opt.progress import Progress
 from texmap_opt.sizing.choice import sizing_of
 from texmap_opt.sizing.sized import AbstractSizing, Sized, SizingLimits
-from texmap_opt.solid.lattice_solid import lattice_solid
-from texmap_opt.solid.tri_mesh import TriMesh
+from texmap_opt.solid.lattice_solid import LatticeSolid, lattice_solid
 from texmap_opt.solid.validity import ValidityReport, require_printable
 from texmap_opt.stress_field import StressField
 from texmap_opt.structure.structure import Structure
@@ -44,7 +43,7 @@ class Filling:
         model: what was sized; None where the struts are holes, or walls under loads that they carry
             only in ways that the frame does not know.
         sized: what sizing did; None there too.
-        lattice: surface of the solid S, not yet cut to the part.
+        lattice: the solid S, not yet cut to the part.
         validity: what was checked on it.
         inside_mm3: volume of (S and M), measured on the meshes [mm³].
         formula_mm3: overlap-corrected volume of the structure [mm³].
@@ -53,7 +52,7 @@ class Filling:
     structure: Structure
     model: FrameModel | None
     sized: Sized | None
-    lattice: TriMesh
+    lattice: LatticeSolid
     validity: ValidityReport
     inside_mm3: float
     formula_mm3: float
@@ -164,10 +163,14 @@ def _filled(
                 progress.warn(f"sizing: {sized.message}")
             _warn_of_thick_struts(model, structure, progress)
     with progress.stage("lattice"):
-        lattice = lattice_solid(structure, tolerance_mm=case.output.tolerance_mm)
-        checked = require_printable(lattice, "The lattice")
-        inside = intersection(lattice, part.surface).volume
-        progress.detail(f"{len(lattice.faces):,} triangles")
+        lattice = lattice_solid(
+            structure, tolerance_mm=case.output.tolerance_mm, fillet_mm=case.lattice.fillet_mm
+        )
+        checked = require_printable(lattice.surface, "The lattice")
+        inside = intersection(lattice.surface, part.surface).volume
+        progress.detail(f"{len(lattice.surface.faces):,} triangles")
+        for note in lattice.notes(case.lattice.fillet_mm):
+            progress.warn(note)
     return Filling(structure, model, sized, lattice, checked, inside, lattice_volume(structure))
 
 
@@ -176,7 +179,7 @@ def _warn_of_thick_struts(model: FrameModel, structure: Structure, progress: Pro
     thicker = 0.0 if zones is None else zones.thicker(structure.radii)
     if zones is not None and thicker > NOTABLE_THICK_SHARE:
         models = zones.models.values()
-        limits = ", ".join(f"{model.slenderness:g}" for model in models)
+        limits = ", ".join(f"{model.radius_ratio:g}" for model in models)
         errors = ", ".join(f"{100 * model.error:.2g}" for model in models)
         progress.warn(
             f"sizing: {100 * thicker:.0f} % of the struts are thicker than the joint model was fitted "

@@ -76,14 +76,14 @@ class JointZones:
 
     def modulus(self, radii: Float[Array | np.ndarray, "struts 2"]) -> Float[Array, " struts"]:
         """Relative modulus of each strut, in JAX."""
-        slenderness = self._counted(radii) / self.lengths[:, None]
-        zoned = jnp.sum(self.present.astype(float) * slenderness, axis=1)
+        radius_ratio = self._counted(radii) / self.lengths[:, None]
+        zoned = jnp.sum(self.present.astype(float) * radius_ratio, axis=1)
         return 1 + jnp.asarray(self._of_struts("modulus") / 2) * zoned
 
     def thicker(self, radii: Float[np.ndarray, "struts 2"]) -> float:
         """Share of the struts with zones that are thicker than their model was fitted to."""
         zoned = self.present.any(axis=1)
-        over = radii.max(axis=1) > self._of_struts("slenderness") * self.lengths
+        over = radii.max(axis=1) > self._of_struts("radius_ratio") * self.lengths
         return float((over & zoned).sum() / max(int(zoned.sum()), 1))
 
     def _counted(self, radii: Float[Array | np.ndarray, "struts 2"]) -> Float[Array, "struts 2"]:
@@ -91,7 +91,7 @@ class JointZones:
 
         Beyond that it is held: its zones would meet, and its modulus would fall to zero.
         """
-        thickest = self._of_struts("slenderness") * self.lengths
+        thickest = self._of_struts("radius_ratio") * self.lengths
         return jnp.minimum(jnp.asarray(radii), thickest[:, None])
 
     def _of_struts(self, name: str) -> Float[np.ndarray, " struts"]:

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from texmap_opt.case import DesignCase, Load, Support
 from texmap_opt.case_sections import WarpSection
-from texmap_opt.cell_layout import case_cells, require_zones_in_grid
+from texmap_opt.cell_layout import case_cells, planned_layout, require_zones_in_grid
 from texmap_opt.errors import CaseError
-from texmap_opt.export.whole_file import whole_file
+from texmap_opt.export.picture_file import require_png, write_png
 from texmap_opt.given_drivers import given_drivers
 from texmap_opt.grid_plan import plan_grid
 from texmap_opt.part import Part, read_part
@@ -20,17 +20,20 @@ from texmap_opt.plane_loads import require_loads_in_plane
 from texmap_opt.report.drawing import draw
 from texmap_opt.report.grid_layers import hexahedra
 from texmap_opt.report.marks import mark_of
-from texmap_opt.report.scenes import PlannedPart
+from texmap_opt.report.run_scenes import kinds_of_cells
+from texmap_opt.report.scenes import PlannedPart, Scene
+from texmap_opt.run_cost import RunCost, run_cost
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.stress_field import region_slack
+from texmap_opt.structure.layout import Layout
+from texmap_opt.structure.mixed_net import mixed_net
 from texmap_opt.structure.silhouette import silhouette
-from texmap_opt.structure.tile import tile
 from texmap_opt.structure.trim import trim
 from texmap_opt.structure.volume import lattice_volume
-from texmap_opt.tetrahedralise import default_edge_mm, estimated_counts
 from texmap_opt.thickness import thinnest_wall
 from texmap_opt.trimmed_lattice import uncut_lattice
 from texmap_opt.warp.grid import Grid
+from texmap_opt.warp.occupied import occupied_volume
 
 # Fewer cells than this across a wall behave as no continuum: stiffness then depends on where the
 # grid happens to lie (Onck, Andrews, Gibson, Int. J. Mech. Sci. 43 (2001) 681).
@@ -40,10 +43,6 @@ LEAST_CELLS_ACROSS = 4
 SAMPLE_SHARE = 1 / 60
 MOST_SAMPLES = 400_000
 PICTURE_TIMEOUT_S = 60.0
-# Cost of a run on two cores, fitted to the runs of `studies/` within a factor of two.
-START_S, TETS_S, CELLS_S, STRUTS_S = 15.0, 6e-4, 4e-3, 5e-3
-START_MB, NODES_MB, STRUTS_MB = 700.0, 0.015, 0.25
-TRIANGLES_PER_STRUT = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,33 +70,31 @@ class Look:
         case: what was asked.
         part: the part.
         grid: the planned uniform grid.
+        layout: which unit cell is in which of its cells, as far as that is known before the warp.
         regions: supports, then loads.
         cells_across: cells across the thinnest wall.
         thinnest_mm: its thickness [mm].
         struts: of a uniform grid, trimmed.
         density: relative density of such struts.
-        triangles: estimate for the result.
-        seconds: estimate for a run without cache on two cores.
-        memory_mb: estimate of its peak memory.
+        cost: what a run will take.
         warnings: what to think about before the long run.
     """
 
     case: DesignCase
     part: Part
     grid: Grid
+    layout: Layout
     regions: tuple[SeenRegion, ...]
     cells_across: float
     thinnest_mm: float
     struts: int
     density: float
-    triangles: int
-    seconds: float
-    memory_mb: float
+    cost: RunCost
     warnings: tuple[str, ...]
 
     def text(self) -> str:
         """The report in lines."""
-        low, high = self.part.bounds
+        cost, (low, high) = self.cost, self.part.bounds
         size = " x ".join(f"{x:.4g}" for x in high - low)
         edge = " x ".join(f"{x:.3g}" for x in self.grid.uniform_edge)
         cells = " x ".join(str(n) for n in self.grid.cells)
@@ -108,7 +105,8 @@ class Look:
             f"wall, {self.thinnest_mm:.3g} mm",
             f"warp      {_warp_line(self.case.warp)}",
             f"lattice   about {self.struts:,} struts, relative density {self.density:.3f}",
-            f"estimate  {self.triangles:,} triangles, {self.seconds:.0f} s, {self.memory_mb:.0f} MB",
+            f"estimate  {cost.triangles:,} triangles; {cost.time_text} and {cost.memory_mb:.0f} MB for a "
+            "first run on two cores",
             *(seen.label for seen in self.regions),
             *(f"warning   {warning}" for warning in self.warnings),
         ]
@@ -138,7 +136,8 @@ def look(case: DesignCase) -> Look:
         LatticeError: no lattice would be left.
     """
     part = read_part(case.part, case.directory)
-    cell, *others = case_cells(case).cells
+    cells = case_cells(case)
+    cell = cells.cells[0]
     plan = plan_grid(case, part_box(case, part.surface, cell), cell)
     grid = plan.grid
     require_loads_in_plane(case, grid.box)
@@ -146,7 +145,9 @@ def look(case: DesignCase) -> Look:
     given_drivers(case, grid)
     facets = _subdivided(part.surface, part.diagonal)
     regions = tuple(_seen(facets, action) for action in (*case.supports, *case.loads))
-    net = uncut_lattice(case, tile(cell, grid.cells), grid, radius_mm=plan.radius_mm)
+    layout = planned_layout(case, cells, grid)
+    net, _ = mixed_net(layout)
+    net = uncut_lattice(case, net, grid, radius_mm=plan.radius_mm)
     trimmed = trim(
         net,
         part,
@@ -162,10 +163,11 @@ def look(case: DesignCase) -> Look:
     thinnest = thinnest_wall(filled.surface, query=filled.signed_distance)
     across = thinnest / float(grid.uniform_edge.max())
     warnings = [*part.notes]
-    if others:
+    unknown = [zone.where.split(": ", 1)[-1] for zone in case.zones if zone.f is not None]
+    if unknown:
         warnings.append(
-            f"struts are counted as if all cells were {cell.name}: only the warped grid tells which cells "
-            "lie in a zone."
+            f"{', '.join(unknown)}: only the warp tells which cells have such an f; they are counted "
+            "and drawn as without the zone."
         )
     if across < LEAST_CELLS_ACROSS:
         warnings.append(
@@ -173,38 +175,47 @@ def look(case: DesignCase) -> Look:
             f"{LEAST_CELLS_ACROSS} a lattice's stiffness depends on how the grid lies; cell_mm = "
             f"{thinnest / LEAST_CELLS_ACROSS:.2g} would give {LEAST_CELLS_ACROSS}."
         )
-    triangles, seconds, memory = _cost(case, part, grid, struts)
     return Look(
         case=case,
         part=part,
         grid=grid,
+        layout=layout,
         regions=regions,
         cells_across=across,
         thinnest_mm=thinnest,
         struts=struts,
         density=lattice_volume(trimmed.structure) / part.volume,
-        triangles=triangles,
-        seconds=seconds,
-        memory_mb=memory,
+        cost=run_cost(case, part, grid, struts),
         warnings=tuple(warnings),
     )
 
 
-def draw_look(seen: Look, png: Path) -> str | None:
-    """Draw part, regions and grid into a PNG file; returns why it could not, or None.
+def draw_look(seen: Look, png: Path) -> tuple[dict[str, Path], dict[str, str]]:
+    """Draw part, regions and grid into a PNG file; with several unit cells these into another.
+
+    The other's name is the file's with `-kinds` at the end of its stem.
+
+    Returns:
+        The files by what they show, "look" and "kinds"; and why one was not drawn.
 
     Raises:
-        OutputError: the file cannot be written.
+        InputError: the file is not named .png.
+        OutputError: it cannot be written.
     """
+    require_png(png)
     marks = tuple(mark_of(r.action, r.patch, r.label, r.resultant) for r in seen.regions)
-    scene = PlannedPart(part=seen.part.surface, marks=marks, grid=hexahedra(seen.grid))
+    corners, part = hexahedra(seen.grid), seen.part.surface
+    scenes: dict[str, Scene] = {"look": PlannedPart(part, marks, corners)}
+    if len(seen.layout.cells) > 1:
+        meets = occupied_volume(seen.grid, part) > 0
+        shape = tuple(n - 1 for n in corners.shape[:3])
+        scenes["kinds"] = kinds_of_cells(seen.layout, corners, meets.reshape(shape), part)
+    files = {"look": png, "kinds": png.with_stem(f"{png.stem}-kinds")}
     with tempfile.TemporaryDirectory(prefix="texmap-look-") as folder:
-        drawn = draw({"look": scene}, Path(folder), timeout_s=PICTURE_TIMEOUT_S)
-        if "look" in drawn.missing:
-            return drawn.missing["look"]
-        with whole_file(png) as file:
-            file.write(drawn.pictures["look"].read_bytes())
-    return None
+        drawn = draw(scenes, Path(folder), timeout_s=PICTURE_TIMEOUT_S)
+        for name, picture in drawn.pictures.items():
+            write_png(files[name], picture.read_bytes())
+    return {name: files[name] for name in drawn.pictures}, drawn.missing
 
 
 def _seen(facets: TriMesh, action: Support | Load) -> SeenRegion:
@@ -267,13 +278,3 @@ def _subdivided(surface: TriMesh, diagonal: float) -> TriMesh:
         quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
         corners = np.concatenate([corners[~large], *(np.stack(q, axis=1) for q in quarters)])
     return TriMesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-
-
-def _cost(case: DesignCase, part: Part, grid: Grid, struts: int) -> tuple[int, float, float]:
-    """Triangles of the result, seconds and memory [MB] of a run: fits to runs of `studies/`."""
-    edge = case.analysis.edge_mm or default_edge_mm(part)
-    tets = estimated_counts(part, edge_mm=edge, element=case.analysis.element)
-    triangles = int(TRIANGLES_PER_STRUT * struts) + 4 * len(part.surface.faces)
-    seconds = START_S + TETS_S * tets.tets + CELLS_S * grid.cell_count + STRUTS_S * struts
-    memory = START_MB + NODES_MB * tets.nodes + STRUTS_MB * struts
-    return triangles, float(seconds), float(memory)

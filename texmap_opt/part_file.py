@@ -22,6 +22,8 @@ ENDINGS = (".stl", ".obj", ".ply", ".3mf")
 # Share of the bounding box's diagonal: ten times the rounding of a coordinate in a float32 STL far
 # from the origin, a hundredth of the finest detail a printer resolves.
 WELD_TOLERANCE = 1e-6
+# A direction along which hardly any two vertices of a regular mesh have one height.
+OBLIQUE = (np.sqrt(2.0), np.sqrt(3.0), np.sqrt(5.0))
 # 3MF files say their unit; the names of the format and of `[part] unit`.
 UNITS_3MF = {
     "millimeter": "mm",
@@ -57,6 +59,37 @@ def read_part_file(path: Path) -> PartFile:
         PartError: no such file, unknown ending, unreadable, empty, or not finite.
     """
     path = Path(path)
+    vertices, faces, unit = _triangles(path)
+    bad = ~np.isfinite(vertices).all(axis=1)
+    if bad.any():
+        raise PartError(
+            f"{path.name}: {int(bad.sum())} of {len(vertices)} vertices have coordinates that are "
+            "not finite numbers (NaN or infinite); export the part again."
+        )
+    surface, notes = welded(TriMesh(vertices, faces))
+    return PartFile(surface, unit, notes)
+
+
+def read_surface_file(path: str | Path) -> TriMesh:
+    """The welded triangles alone, as `read_part_file`, in the file's unit."""
+    return read_part_file(Path(path)).surface
+
+
+def read_any_surface(path: Path) -> TriMesh:
+    """The triangles of a file, to be checked: welded unless some coordinate is not finite.
+
+    Raises:
+        PartError: no such file, unknown ending, unreadable, or empty.
+    """
+    vertices, faces, _ = _triangles(path)
+    surface = TriMesh(vertices, faces)
+    return welded(surface)[0] if np.isfinite(vertices).all() else surface
+
+
+def _triangles(
+    path: Path,
+) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"], str | None]:
+    """Vertices, triangles that name existing ones, and the unit where the file states one."""
     if path.suffix.lower() not in ENDINGS:
         raise PartError(
             f'{path.name}: the ending "{path.suffix}" is not one of {", ".join(ENDINGS)}; '
@@ -75,19 +108,7 @@ def read_part_file(path: Path) -> PartFile:
             f"{path.name}: {int(outside.any(axis=1).sum())} triangles refer to vertices the file "
             "does not have; it is cut off or damaged: export it again."
         )
-    bad = ~np.isfinite(vertices).all(axis=1)
-    if bad.any():
-        raise PartError(
-            f"{path.name}: {int(bad.sum())} of {len(vertices)} vertices have coordinates that are "
-            "not finite numbers (NaN or infinite); export the part again."
-        )
-    surface, notes = welded(TriMesh(vertices, faces))
-    return PartFile(surface, unit, notes)
-
-
-def read_surface_file(path: str | Path) -> TriMesh:
-    """The welded triangles alone, as `read_part_file`, in the file's unit."""
-    return read_part_file(Path(path)).surface
+    return vertices, faces, unit
 
 
 def welded(surface: TriMesh) -> tuple[TriMesh, tuple[str, ...]]:
@@ -96,9 +117,8 @@ def welded(surface: TriMesh) -> tuple[TriMesh, tuple[str, ...]]:
     Vertices on open edges that lie within `WELD_TOLERANCE` of the diagonal of each other are
     joined as well; all others keep their exact position.
     """
-    # Adding 0 turns -0.0 into 0.0, which `unique` holds for different.
-    positions, index = np.unique(surface.vertices + 0.0, axis=0, return_inverse=True)
-    faces = index.reshape(-1)[surface.faces]
+    positions, index = distinct_positions(surface.vertices)
+    faces = index[surface.faces]
     notes = []
     open_ends = np.unique(open_edges(faces))
     if open_ends.size:
@@ -119,6 +139,36 @@ def welded(surface: TriMesh) -> tuple[TriMesh, tuple[str, ...]]:
                 f"welded {joined} vertices on open edges that were at most {reach:.3g} apart"
             )
     return TriMesh(positions, faces), tuple(notes)
+
+
+def distinct_positions(
+    vertices: Float[np.ndarray, "vertices 3"],
+) -> tuple[Float[np.ndarray, "distinct 3"], Int[np.ndarray, " vertices"]]:
+    """The rows of `numpy.unique(vertices, axis=0)` and where each vertex is among them.
+
+    Sorted by one number each, the height along an oblique direction, which takes a fifth of the
+    time of sorting rows; those are sorted only where different positions have one height.
+    """
+    # Adding 0 turns -0.0 into 0.0, which sorting holds for different.
+    x, y, z = (column + 0.0 for column in vertices.T)
+    # Not a matrix product, whose rounding may depend on the row.
+    height = x * OBLIQUE[0] + y * OBLIQUE[1] + z * OBLIQUE[2]
+    order = np.argsort(height, kind="stable")
+    risen = np.diff(height[order]) > 0
+    moved = np.zeros(len(risen), dtype=bool)
+    for column in (x, y, z):
+        moved |= np.diff(column[order]) != 0
+    if (moved & ~risen).any():
+        rows, index = np.unique(np.stack([x, y, z], axis=1), axis=0, return_inverse=True)
+        return rows, index.reshape(-1)
+    starts = np.concatenate([np.zeros(min(len(order), 1), np.int64), np.flatnonzero(moved) + 1])
+    first = order[starts]
+    rank = np.lexsort((z[first], y[first], x[first]))
+    place = np.zeros(len(first), dtype=np.int64)
+    place[rank] = np.arange(len(first))
+    index = np.zeros(len(order), dtype=np.int64)
+    index[order] = np.repeat(place, np.diff(starts, append=len(order)))
+    return vertices[first[rank]] + 0.0, index
 
 
 def open_edges(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "edges 2"]:

@@ -20,6 +20,10 @@ POINTS_PER_CHUNK = 500_000
 # The fast winding number is wrong by up to 0.005 (measured on a sphere of 5,120 triangles); within
 # ten times that of the threshold the exact sum decides.
 DOUBTFUL_WINDING = 0.05
+# Cells along the longest side of the points' box, for the curve that puts them in order.
+_CURVE_CELLS = 1023
+# Steps that put two zeros between the ten bits of a number.
+_SPREAD_BITS = ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +47,19 @@ class SignedDistance:
         self, points: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
         """Distance without sign [mm], nearest face, nearest point; an open surface will do."""
-        parts = [
-            self._tree.squared_distance(self._vertices, self._faces, chunk)
-            for chunk in _chunks(points)
-        ]
-        squared, face, closest = (np.concatenate(column) for column in zip(*parts, strict=True))
-        # libigl's indices are C's long long, which jaxtyping does not know as int64.
-        return np.sqrt(squared), face.astype(np.int64), closest.reshape(-1, 3)
+        order = _along_a_curve(points)
+        distance, face = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
+        closest = np.zeros((len(points), 3))
+        start = 0
+        for chunk in _chunks(points[order]):
+            squared, nearest, place = self._tree.squared_distance(
+                self._vertices, self._faces, chunk
+            )
+            chosen = order[start : start + len(chunk)]
+            distance[chosen], face[chosen] = np.sqrt(squared), nearest
+            closest[chosen] = np.reshape(place, (-1, 3))
+            start += len(chunk)
+        return distance, face, closest
 
     def winding_number(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """How often the surface encloses each point: 0 outside, 1 inside; error below 0.005."""
@@ -65,13 +75,18 @@ class SignedDistance:
         return winding > 0.5
 
     def first_hit(
-        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+        self,
+        origins: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        *,
+        within: float = np.inf,
     ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
         """Path along each ray to the first face it meets, and that face.
 
         Args:
             origins: starts of the rays [mm].
             directions: any length; the path is in units of it.
+            within: longest path that is followed: in a fine lattice six times faster than inf.
 
         Returns:
             path (inf where the ray meets nothing) and face (-1 there).
@@ -79,7 +94,7 @@ class SignedDistance:
         paths, faces = [], []
         for start, along in zip(_chunks(origins), _chunks(directions), strict=True):
             face, path, _ = self._tree.intersect_ray_first(
-                self._vertices, self._faces, start, along
+                self._vertices, self._faces, start, along, within
             )
             missed = np.less(face, 0) | ~np.isfinite(path)
             paths.append(np.where(missed, np.inf, path))
@@ -125,6 +140,24 @@ def signed_distance(
 def winding_number(surface: TriMesh, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """How often the surface encloses each point: 0 outside, 1 inside; error below 0.005."""
     return SignedDistance(surface).winding_number(points)
+
+
+def _along_a_curve(points: np.ndarray) -> np.ndarray:
+    """Order of points along Morton's curve: neighbours meet the same branches of a tree.
+
+    Twice as fast as at random, on 400,000 points and 5,026 triangles.
+    """
+    low = points.min(axis=0, initial=np.inf)
+    extent = float((points.max(axis=0, initial=-np.inf) - low).max(initial=0.0))
+    if not 0 < extent < np.inf:
+        return np.arange(len(points))
+    key = np.zeros(len(points), dtype=np.int64)
+    for axis in range(3):
+        spread = ((points[:, axis] - low[axis]) * (_CURVE_CELLS / extent)).astype(np.int64)
+        for shift, mask in _SPREAD_BITS:
+            spread = (spread | (spread << shift)) & mask
+        key |= spread << axis
+    return np.argsort(key)
 
 
 def _chunks(points: np.ndarray) -> list[np.ndarray]:

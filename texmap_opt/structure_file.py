@@ -179,7 +179,7 @@ def write_structure_file(
             path, structure, solver=how.solver, segments=how.segments, material=how.material
         )
     elif ending == ".3mf":
-        write_beam_lattice(path, structure)
+        changed = write_beam_lattice(path, structure)
     else:
         write_struts(path, structure, strut_data={})
     return changed if ending in KEEP_ALL else (*changed, *_lost(ending, source))

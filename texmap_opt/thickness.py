@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from texmap_opt.signed_distance import SignedDistance
+from texmap_opt.solid.surface_points import points_by_area
 from texmap_opt.solid.tri_mesh import TriMesh
 
 # Points of the surface that are looked at; a quarter or less lie between walls.
@@ -42,7 +43,8 @@ def local_thickness(
         of the edge or fillet the point is on.
     """
     query = query or SignedDistance(surface)
-    points, normals = _spread(surface, np.random.default_rng(seed))
+    points, faces = points_by_area(surface, SAMPLES, np.random.default_rng(seed))
+    normals = surface.face_normals[faces]
     diagonal = float(np.linalg.norm(np.diff(surface.bounds, axis=0)))
     lift = 1e-7 * diagonal
     path, _ = query.first_hit(points - lift * normals, -normals)
@@ -81,18 +83,3 @@ def thinnest_wall(surface: TriMesh, *, query: SignedDistance | None = None, seed
         # No two faces are opposite (a tetrahedron): the largest ball is what there is.
         return float(thickness.max())
     return float(np.quantile(thickness[between_walls], THIN_SHARE))
-
-
-def _spread(
-    surface: TriMesh, random: np.random.Generator
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Random points, uniform over the area (stratified along the faces), and their normals."""
-    area = np.cumsum(surface.face_areas)
-    at = (np.arange(SAMPLES) + random.random(SAMPLES)) / SAMPLES * area[-1]
-    face = np.minimum(np.searchsorted(area, at), len(area) - 1)
-    u, v = random.random((2, SAMPLES))
-    # Square root: uniform in the triangle (Turk 1990).
-    u = np.sqrt(u)
-    weights = np.stack([1 - u, u * (1 - v), u * v], axis=1)
-    corners = surface.vertices[surface.faces[face]]
-    return np.einsum("nk,nkd->nd", weights, corners), surface.face_normals[face]

@@ -8,7 +8,7 @@ import numpy as np
 
 from texmap_opt.cache import StageCache
 from texmap_opt.cells.at_density import Homogenised, homogenised_at
-from texmap_opt.cells.homogenised import DIRECTIONS, HomogenisedCell, slenderness
+from texmap_opt.cells.homogenised import DIRECTIONS, HomogenisedCell, radius_ratio
 from texmap_opt.cells.homogenised_plane import PLANE_DIRECTIONS
 from texmap_opt.cells.power_law import power_law
 from texmap_opt.cells.properties import PROPERTIES
@@ -39,7 +39,7 @@ def measured(cell: UnitCell, density: float) -> Row:
     row: Row = {
         "density": density,
         "radius": homogenised.radius,
-        "slenderness": slenderness(cell, homogenised.radius),
+        "radius_ratio": radius_ratio(cell, homogenised.radius),
         "jointed": homogenised.joint_model is not None,
     }
     x, y = np.array([1.0, 0, 0]), np.array([0.0, 1, 0])

@@ -243,7 +243,7 @@ def _properties(cell: UnitCell, result: dict) -> str:
         entries = [
             f"{row['density']:g}",
             f"{row['radius']:.4f}",
-            f"{row['slenderness']:.2g}",
+            f"{row['radius_ratio']:.2g}",
             *(_number(row[key]) for key in along),
             _number(row["E_min"]),
             _number(row["E_max"]),
@@ -253,7 +253,7 @@ def _properties(cell: UnitCell, result: dict) -> str:
             _anisotropy(row),
             "fitted" if row["jointed"] else "beams",
         ]
-        stubby = row["slenderness"] > STUBBY and not row["jointed"]
+        stubby = row["radius_ratio"] > STUBBY and not row["jointed"]
         rows.append([f"*{entry}*" if stubby else entry for entry in entries])
     return _table(head, rows)
 

@@ -120,7 +120,7 @@ def write_solids(solids: dict[str, list[SolidCell]]) -> None:
 
 def rounded(model: JointModel) -> JointModel:
     """Four decimals; what limits is rounded up, so that the thickest solid stays within."""
-    up = [math.ceil(10**4 * value) / 10**4 for value in (model.slenderness, model.error)]
+    up = [math.ceil(10**4 * value) / 10**4 for value in (model.radius_ratio, model.error)]
     return JointModel(round(model.rigid_end, 4), round(model.modulus, 4), *up)
 
 
@@ -151,7 +151,7 @@ def section(cell: UnitCell, model: JointModel, solids: list[SolidCell]) -> str:
         f"## {cell.name}",
         "",
         f"Rigid ends of {model.rigid_end:.3g} r, modulus 1 {model.modulus:+.3g} r/L, up to r/L = "
-        f"{model.slenderness:.3g}: Young's modulus in any direction, and C44, within "
+        f"{model.radius_ratio:.3g}: Young's modulus in any direction, and C44, within "
         f"{100 * model.error:.2g} %.",
         "",
         "| density: mesh | corrected | centre lines | radius/edge | quantity | solid | frame | error "

@@ -228,7 +228,7 @@ def fill(sheet: Sheet, part: Part, how: Filling, f: Field) -> None:
     grid, remark = warped(around, f, LeastSquares(), contrast=2.5)
     net = map_structure(tile(unit_cell("octet"), grid.cells), grid.positions, how.radius_mm)
     inside = trim(net, part, skin_mm=how.skin_mm).structure
-    lattice = lattice_solid(inside, tolerance_mm=tolerance)
+    lattice = lattice_solid(inside, tolerance_mm=tolerance).surface
     for kind, combine in (("rod", rod_result), ("plate", plate_result)):
         result = combine(part.surface, lattice, skin_mm=how.skin_mm, tolerance_mm=tolerance)
         solid, _ = printable_mesh(result.surface)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from sound_case import BOX, CASE, FACES, write_stl
+from sound_case import BOX, CASE, FACES, changed_case, write_stl
 
 # A painted region.
 SPHERE = """[[paint]]
@@ -144,6 +144,13 @@ BAD_INPUTS = (
     BadInput("painted region outside the box", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("20, 10, 10", "90, 10, 10")), says=("[[paint]] 1", "sphere", "outside", "margin")),
     BadInput("painted factor of zero", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("value = 2", "value = 0")), says=("[[paint]] 1", "value = 0", "above 0")),
     BadInput("painted part of the surface", ('"uniform"', '"uniform"\ndriver = ["paint"]\n' + SPHERE.replace("{ sphere = { center = [20, 10, 10], radius = 5 } }", "{ normal = [1, 0, 0] }")), says=("[[paint]] 1", "normal", "surface")),
+    BadInput("opening of a part without a skin", ("skin_mm = 1.0\nradius_mm = 0.8", 'skin_mm = 0\nradius_mm = 0.8\n[[opening]]\nregion = { normal = [0, 0, 1] }'), says=("[[opening]] 1", "skin_mm = 0")),
+    BadInput("opening beside the part", ("[warp]", "[[opening]]\nregion = { sphere = { center = [90, 10, 20], radius = 5 } }\n[warp]"), says=("[[opening]] 1", "holds nothing", "[40, 20, 20]")),
+    BadInput("opening narrower than two skins", ("[warp]", "[[opening]]\nregion = { sphere = { center = [20, 10, 20], radius = 0.8 } }\n[warp]"), says=("[[opening]] 1", "opens nothing", "1 mm thick", "wider")),
+    BadInput("opening of everything", ("[warp]", "[[opening]]\nregion = { box = [[-1, -1, -1], [41, 21, 21]] }\n[warp]"), says=("[[opening]] 1", "leaves nothing", "skin_mm = 0")),
+    BadInput("drain hole without a diameter", ("[warp]", "[[drain]]\npoint = [20, 10, 20]\n[warp]"), says=("[[drain]] 1", "diameter_mm is missing")),
+    BadInput("drain hole along no direction", ("[warp]", "[[drain]]\npoint = [20, 10, 20]\ndiameter_mm = 2\ndirection = [0, 0, 0]\n[warp]"), says=("[[drain]] 1", "no length")),
+    BadInput("drain hole out of the part", ("[warp]", "[[drain]]\npoint = [20, 10, 20]\ndiameter_mm = 2\ndirection = [0, 0, 1]\n[warp]"), says=("[[drain]] 1", "leads out of the part")),
     BadInput("zone without a choice of cells", ("[warp]", '[[zone]]\ncell = "octet"\n[warp]'), says=("[[zone]] 1", "no choice", "grid_cells")),
     BadInput("zone with an unknown cell", ("[warp]", _zone("octed", "f_least = 1")), says=("[[zone]] 1", "octed", '"octet"')),
     BadInput("zone with a cell of other dimensions", ("[warp]", _zone("honeycomb", "f_least = 1")), says=("[[zone]] 1", "2 dimensions", '"bcc" has 3')),
@@ -167,6 +174,50 @@ BAD_INPUTS = (
     BadInput("warp that does not come to rest", (FROM_CELLS, FROM_CELLS.replace("skin_mm = 1.0", 'skin_mm = 0\nkind = "plate"').replace('"uniform"', '"successive-approximation"\nmax_sweeps = 3')), code=0, says=("3 sweeps", "still moving")),
     BadInput("least squares with too few steps", (FROM_CELLS, FROM_CELLS.replace("skin_mm = 1.0", 'skin_mm = 0\nkind = "plate"').replace('"uniform"', '"least-squares"\nmax_steps = 1')), code=0, says=("after 1 step ", "no folds", "allow more steps")),
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BadCommand:
+    """A command that is typed wrongly, in the folder of the sound case; its exit code is 2.
+
+    Attributes:
+        name: what is wrong, in a few words.
+        typed: after `texmap`; CASE stands for the case file.
+        says: what the message must contain.
+    """
+
+    name: str
+    typed: str
+    says: tuple[str, ...]
+
+
+BAD_COMMANDS = (
+    BadCommand("no command", "", says=("COMMAND", "`texmap --help`")),
+    BadCommand("unknown command", "rnu CASE", says=("rnu", "'run'", "`texmap --help`")),
+    BadCommand("option left out", "run CASE", says=("texmap run:", "--out", "`texmap run --help`")),
+    BadCommand("unknown option", "run CASE --out out --foo", says=("texmap run:", "--foo", "--help")),
+    BadCommand("a word for a number", "cells --rank E --density tenth", says=("texmap cells:", "--density", "tenth")),
+    BadCommand("options that exclude each other", "run CASE --out out --quiet --json-progress", says=("texmap run:", "--json-progress", "--quiet")),
+    BadCommand("picture that is no PNG", "cell octet --png octet.pdf", says=("octet.pdf", "octet.png")),
+    BadCommand("stiffness that is no PNG", "cell octet --radius 0.05 --stiffness octet.svg", says=("octet.svg", "octet.png")),
+    BadCommand("look without ending", "look CASE --png seen", says=("seen", '""', "seen.png")),
+)  # fmt: skip
+
+
+def run_bad_command(bad: BadCommand, folder: Path) -> tuple[int, str, list[str]]:
+    """Exit code, all of stderr, and files left behind by a command that is typed wrongly."""
+    from texmap_opt.cli import main
+
+    case = changed_case(folder)
+    said = io.StringIO()
+    code = 0
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+        try:
+            main([str(case) if word == "CASE" else word for word in bad.typed.split()])
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    left = sorted(p.name for p in folder.iterdir() if p.name not in INPUTS)
+    return code, said.getvalue().rstrip("\n"), left
 
 
 def run_bad_input(bad: BadInput, folder: Path) -> tuple[int, str, list[str]]:
@@ -207,6 +258,16 @@ def table() -> str:
             code, message, _ = run_bad_input(bad, Path(folder))
         shown = re.sub(r"\s+", " ", message).replace("|", "\\|")
         lines.append(f"| {bad.name} | {code} | {shown} |")
+    lines += [
+        "\nCommands that are typed wrongly end with exit code 2 and one line.\n",
+        "| fault | typed | message |",
+        "|---|---|---|",
+    ]
+    for wrong in BAD_COMMANDS:
+        with tempfile.TemporaryDirectory() as folder:
+            _, message, _ = run_bad_command(wrong, Path(folder))
+        typed = f"texmap {wrong.typed.replace('CASE', 'case.toml')}".rstrip()
+        lines.append(f"| {wrong.name} | `{typed}` | {message} |")
     return "\n".join(lines) + "\n"
 
 

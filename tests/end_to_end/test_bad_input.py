@@ -5,7 +5,15 @@ from pathlib import Path
 
 import bad_input
 import pytest
-from bad_input import BAD_INPUTS, BadInput, run_bad_input, table
+from bad_input import (
+    BAD_COMMANDS,
+    BAD_INPUTS,
+    BadCommand,
+    BadInput,
+    run_bad_command,
+    run_bad_input,
+    table,
+)
 
 PAGE = Path(__file__).parents[2] / "docs" / "bad-input.md"
 # Faults whose message has figures that depend on the tets, which differ from one meshing to the next.
@@ -33,6 +41,17 @@ def test_bad_input_gets_one_sentence_and_leaves_nothing(bad: BadInput, said: Sai
     for words in bad.says:
         assert words.lower() in message.lower()
     assert left == ([] if code else ["out"])
+
+
+@pytest.mark.parametrize("bad", BAD_COMMANDS, ids=lambda bad: bad.name)
+def test_a_command_typed_wrongly_gets_one_line_and_leaves_nothing(bad: BadCommand, tmp_path: Path):
+    code, message, left = run_bad_command(bad, tmp_path)
+    assert code == 2
+    assert message.startswith("texmap")
+    assert "\n" not in message
+    for words in bad.says:
+        assert words in message
+    assert not left
 
 
 def test_the_page_is_what_its_command_writes(said: Said, monkeypatch: pytest.MonkeyPatch):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from read_by_lib3mf import MILLIMETRE, read_package
 from sound_case import BOX, FACES, changed_case, write_stl
 
 from texmap_opt import DesignCase, cli, run
@@ -96,6 +97,49 @@ def test_the_outer_surface_stays_the_designers(done: Path):
     outside = SignedDistance(TriMesh(BOX, FACES))(result.vertices)[0]
     assert outside.max() < 1e-5
     assert SignedDistance(result).unsigned(BOX)[0].max() < 1e-5
+
+
+def test_the_beam_lattice_and_its_skin_are_the_same_solid(done: Path):
+    """Skin, and beams cut at the part's surface, as the 3MF Consortium's library reads them.
+
+    Points farther from the result's surface than polygons are from their circles (tolerance_mm = 0.1,
+    and joints that contain the ends of polygons) are in both or in neither.
+    """
+    package = read_package(done / "out" / "lattice.3mf")
+    assert package.warnings == ()
+    assert package.unit == MILLIMETRE
+    assert package.built == ("skin", "lattice")
+    assert package.metadata["Title"] == "box.stl with a lattice"
+    lattice, skin = package.objects["lattice"], package.objects["skin"]
+    assert lattice.clipping == ("Inside", "clipping")
+    report = json.loads((done / "out" / "report.json").read_text())
+    assert len(lattice.beams) == report["structure"]["struts"]
+    points = np.random.default_rng(7).uniform(BOX.min(axis=0) - 1, BOX.max(axis=0) + 1, (20_000, 3))
+    clipped = SignedDistance(package.objects["clipping"].mesh).contains(points)
+    ends = lattice.mesh.vertices[lattice.beams]
+    found = SignedDistance(skin.mesh).contains(points)
+    found |= clipped & in_beams(points, ends, lattice.radii)
+    result = SignedDistance(read_surface_file(done / "out" / "part.stl"))
+    distance = result(points)[0]
+    clear = np.abs(distance) > 0.2
+    assert clear.mean() > 0.7
+    np.testing.assert_array_equal(found[clear], distance[clear] < 0)
+    # The negative control: without the skin they are not the same.
+    alone = clipped & in_beams(points, ends, lattice.radii)
+    assert (alone[clear] != (distance[clear] < 0)).any()
+
+
+def in_beams(points: np.ndarray, ends: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """Points in conical frusta, or in the balls at their ends."""
+    inside = np.zeros(len(points), bool)
+    for (first, last), (a, b) in zip(ends, radii, strict=True):
+        axis = last - first
+        share = (points - first) @ axis / (axis @ axis)
+        across = np.linalg.norm(points - first - share[:, None] * axis, axis=1)
+        inside |= (share >= 0) & (share <= 1) & (across <= a + share * (b - a))
+        inside |= np.linalg.norm(points - first, axis=1) <= a
+        inside |= np.linalg.norm(points - last, axis=1) <= b
+    return inside
 
 
 def test_sizing_lowers_compliance_at_equal_volume(done: Path):

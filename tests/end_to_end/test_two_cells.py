@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from texmap_opt.case import DesignCase
+from texmap_opt.look import draw_look, look
 from texmap_opt.pipeline import run
 
 ROOT = Path(__file__).parents[2]
@@ -45,6 +46,25 @@ def test_a_block_of_two_cells_is_one_printable_part():
     assert final["printable"]
     assert final["connected_components"] == 1
     assert result.report["joint_model"]["cells"] == ["octet", "tetrakaidecahedron"]
+
+
+def test_look_counts_and_draws_both_kinds(tmp_path: Path):
+    seen = look(DesignCase.from_toml(STUDY))
+    # Four by two cells in each of two layers of octets below, and of Kelvin cells above.
+    assert [int((seen.layout.kinds == kind).sum()) for kind in (0, 1)] == [16, 16]
+    assert not [warning for warning in seen.warnings if "[[zone]]" in warning]
+    files, missing = draw_look(seen, tmp_path / "seen.png")
+    if missing:
+        pytest.skip(f"this machine cannot draw: {next(iter(missing.values()))}")
+    assert files == {"look": tmp_path / "seen.png", "kinds": tmp_path / "seen-kinds.png"}
+    assert {file.name for file in tmp_path.iterdir()} == {"seen.png", "seen-kinds.png"}
+
+
+def test_look_says_which_zones_only_the_warp_knows():
+    tables = tomllib.loads(STUDY.read_text(encoding="utf-8"))
+    tables["zone"].append({"cell": "bcc", "f_least": 1.0})
+    seen = look(DesignCase.from_tables(tables, STUDY))
+    assert any("[[zone]] 2" in warning and "only the warp" in warning for warning in seen.warnings)
 
 
 @pytest.mark.parametrize("block", blocks("toml"))

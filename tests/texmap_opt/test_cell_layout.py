@@ -10,7 +10,12 @@ import pytest
 from texmap_opt.box import Box
 from texmap_opt.case import DesignCase
 from texmap_opt.case_reference import case_reference
-from texmap_opt.cell_layout import case_cells, cell_layout, require_zones_in_grid
+from texmap_opt.cell_layout import (
+    case_cells,
+    cell_layout,
+    planned_layout,
+    require_zones_in_grid,
+)
 from texmap_opt.errors import CaseError
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.quality import quality_for
@@ -94,6 +99,19 @@ def test_a_region_is_met_in_space_where_the_warp_took_the_cells(tmp_path):
         chosen = kinds_of(case, warp) == "tetrakaidecahedron"
         assert chosen[layer].all()
         assert not np.delete(chosen, layer, axis=0).any()
+
+
+def test_before_the_warp_zones_by_f_are_left_out(tmp_path):
+    by_region = '[[zone]]\ncell = "kelvin"\nregion = { box = [[0, 0, 10], [40, 20, 30]] }\n'
+    by_f = '[[zone]]\ncell = "bcc"\nf_least = 0.5\n'
+    case = case_of(by_region + by_f, tmp_path)
+    layout = planned_layout(case, case_cells(case), uniform())
+    assert [cell.name for cell in layout.cells] == ["octet", "tetrakaidecahedron", "bcc"]
+    without = case_of(by_region, tmp_path)
+    known = cell_layout(without, case_cells(without), warped(uniform())).kinds
+    np.testing.assert_array_equal(layout.kinds, known)
+    # Negative control: where f is known, the later zone takes them all.
+    assert (kinds_of(case, warped(uniform())) == "bcc").all()
 
 
 def test_f_takes_the_cells_between_its_limits(tmp_path):

@@ -15,7 +15,7 @@ from texmap_opt.structure.layout import Layout
 from texmap_opt.structure.map import map_structure
 from texmap_opt.structure.mixed_net import mixed_net
 
-MODEL = JointModel(rigid_end=1.5, modulus=-2.0, slenderness=0.1, error=0.05)
+MODEL = JointModel(rigid_end=1.5, modulus=-2.0, radius_ratio=0.1, error=0.05)
 LENGTHS = np.array([10.0, 10.0, 4.0])
 PRESENT = np.array([[True, True], [True, False], [False, False]])
 ZONES = JointZones({"bcc": MODEL}, np.zeros(3, np.int64), PRESENT, LENGTHS)
@@ -39,7 +39,7 @@ def test_an_end_without_a_joint_adds_nothing():
 
 def test_thicker_struts_than_fitted_count_as_the_thickest_that_were():
     thick = np.full((3, 2), 30.0)
-    limit = np.repeat(MODEL.slenderness * LENGTHS[:, None], 2, axis=1)
+    limit = np.repeat(MODEL.radius_ratio * LENGTHS[:, None], 2, axis=1)
     np.testing.assert_allclose(ZONES.rigid_ends(thick), ZONES.rigid_ends(limit), rtol=1e-15)
     np.testing.assert_allclose(ZONES.modulus(thick), ZONES.modulus(limit), rtol=1e-15)
     assert (np.asarray(ZONES.rigid_ends(thick)).sum(axis=1) < LENGTHS).all()

@@ -1,8 +1,6 @@
 """Unit cells as homogeneous solids of a wanted density, computed once and kept."""
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,7 +12,7 @@ from texmap_opt.cells.homogenised import (
     HomogenisedCell,
     fitting_joint_model,
     homogenised_cell,
-    slenderness,
+    radius_ratio,
 )
 from texmap_opt.cells.homogenised_plane import HomogenisedPlaneCell, homogenised_plane_cell
 from texmap_opt.cells.periodic_density import periodic_density
@@ -30,7 +28,10 @@ POISSON = 0.3
 DENSITY_RTOL = 1e-9
 
 # Struts this thick over their length are joints that touch: no lattice is left.
-LARGEST_SLENDERNESS = 0.5
+LARGEST_RADIUS_RATIO = 0.5
+
+# Under this name the cache keeps why a cell has no stiffness at a density.
+REFUSAL = "refusal"
 
 
 def radius_of_density(cell: UnitCell, density: float) -> float:
@@ -45,7 +46,7 @@ def radius_of_density(cell: UnitCell, density: float) -> float:
     """
     if not 0 < density < 1:
         raise CellError(f"the relative density is {density:g}; it must be above 0 and below 1.")
-    largest = LARGEST_SLENDERNESS / slenderness(cell, 1.0)
+    largest = LARGEST_RADIUS_RATIO / radius_ratio(cell, 1.0)
     reach = min(periodic_density(cell, largest), 1.0)
     if not density < reach:
         raise CellError(
@@ -97,7 +98,7 @@ def homogenised_at(cell: UnitCell, density: float, *, cache: StageCache) -> Homo
     Args:
         cell: the unit cell.
         density: relative.
-        cache: where the result is kept.
+        cache: where the result is kept, or why there is none.
 
     Raises:
         CellError: for a density out of reach, or a lattice that resists some strain with nothing.
@@ -106,8 +107,11 @@ def homogenised_at(cell: UnitCell, density: float, *, cache: StageCache) -> Homo
     stored = cache.get(key)
     if stored is not None:
         return _of_stored(cell, stored)
-    radius = radius_of_density(cell, density)
-    result = homogenised(cell, radius)
+    try:
+        result = homogenised(cell, radius_of_density(cell, density))
+    except CellError as refusal:
+        cache.put(key, {REFUSAL: np.array(str(refusal))})
+        raise
     scalars = np.array([result.radius, result.density, result.centre_line_density])
     cache.put(key, {"C": result.stiffness.C, "scalars": scalars})
     return result
@@ -133,9 +137,6 @@ def all_homogenised_at(
     ]
     if missing:
         computing(len(missing))
-        # Most of the time compiles the density of each cell, which threads share.
-        with ThreadPoolExecutor(os.cpu_count()) as threads:
-            list(threads.map(_compiled_density, missing))
     results: dict[str, Homogenised | CellError] = {}
     for cell in cells:
         try:
@@ -145,11 +146,9 @@ def all_homogenised_at(
     return results
 
 
-def _compiled_density(cell: UnitCell) -> None:
-    periodic_density(cell, LARGEST_SLENDERNESS / slenderness(cell, 1.0))
-
-
 def _of_stored(cell: UnitCell, stored: dict[str, np.ndarray]) -> Homogenised:
+    if REFUSAL in stored:
+        raise CellError(str(stored[REFUSAL]))
     radius, density, centre_line_density = stored["scalars"].tolist()
     rest = {
         "cell": cell,

@@ -112,7 +112,7 @@ def joints_text(cell: UnitCell, joint_model: JointModel | None) -> str:
         return "beams from joint to joint: too soft, the more so the thicker (no joint model)"
     return (
         "beams from joint to joint: thicker than the joint model was fitted to, radius/length "
-        f"{cell.joint_model.slenderness:g}"
+        f"{cell.joint_model.radius_ratio:g}"
     )
 
 
@@ -124,10 +124,10 @@ def fitting_joint_model(cell: UnitCell, radius: float) -> JointModel | None:
         radius: of struts of relative radius 1, in cell edges.
     """
     model = cell.joint_model
-    return model if model is not None and slenderness(cell, radius) <= model.slenderness else None
+    return model if model is not None and radius_ratio(cell, radius) <= model.radius_ratio else None
 
 
-def slenderness(cell: UnitCell, radius: float) -> float:
+def radius_ratio(cell: UnitCell, radius: float) -> float:
     """Radius over length of the thickest strut for its length.
 
     Args:

@@ -20,7 +20,7 @@ from fea.beam import StrutMaterial
 from fea.effective_stiffness import EffectiveStiffness
 from fea.homogenise import homogenise_frame
 from fea.homogenise_solid import homogenise_mirrored
-from texmap_opt.cells.joint_model import JointModel, slenderness
+from texmap_opt.cells.joint_model import JointModel, radius_ratio
 from texmap_opt.cells.periodic_frame import periodic_frame
 from texmap_opt.cells.periodic_tets import EDGE_PER_RADIUS, is_cubic, mirrored_tets
 from texmap_opt.cells.unit_cell import UnitCell
@@ -166,7 +166,7 @@ def fitted_joint_model(cell: UnitCell, solids: Sequence[SolidCell]) -> JointMode
             "least two of different radii."
         )
     thickest = max(solid.radius for solid in solids)
-    limit = _largest_slenderness(cell, thickest)
+    limit = _largest_radius_ratio(cell, thickest)
 
     def model(parameters: Float[np.ndarray, " 2"], *, error: float = 0.0) -> JointModel:
         return JointModel(float(parameters[0]), float(parameters[1]), limit, error)
@@ -184,8 +184,8 @@ def fitted_joint_model(cell: UnitCell, solids: Sequence[SolidCell]) -> JointMode
     return model(fit.x, error=float(np.abs(errors(fit.x)).max()))
 
 
-def _largest_slenderness(cell: UnitCell, radius: float) -> float:
+def _largest_radius_ratio(cell: UnitCell, radius: float) -> float:
     ends = cell.joints[cell.struts]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     radii = np.repeat(radius * cell.relative_radius[:, None], 2, axis=1)
-    return float(np.max(np.asarray(slenderness(radii, lengths))))
+    return float(np.max(np.asarray(radius_ratio(radii, lengths))))

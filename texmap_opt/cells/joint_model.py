@@ -3,7 +3,7 @@
 A frame of beams that run from joint to joint takes no account of the material that struts share: it is
 short of stiffness where a joint is a solid lump, the more so the thicker the struts. The model makes
 each end of a strut rigid over a length in proportion to its radius, and multiplies the modulus of
-the rest by a factor in proportion to slenderness,
+the rest by a factor in proportion to the radius ratio r/L,
 
     rigid end = a r,      modulus factor = 1 + b r/L,
 
@@ -22,7 +22,7 @@ from texmap_opt.errors import LatticeError
 ArrayLike = Array | np.ndarray
 
 # Relative: a radius at the limit is not refused for its rounding.
-SLENDERNESS_RTOL = 1e-6
+RADIUS_RATIO_RTOL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,15 @@ class JointModel:
 
     Attributes:
         rigid_end: length of a rigid end over the strut's radius there.
-        modulus: what a slenderness r/L of one would add to the relative modulus.
-        slenderness: largest r/L that it was fitted to; below, it tends to the plain frame.
+        modulus: what a radius ratio r/L of one would add to the relative modulus.
+        radius_ratio: largest r/L that it was fitted to; below, it tends to the plain frame.
         error: largest relative error, within that range, of Young's modulus in any direction and of
             the shear modulus C44 of the cubic cell it was fitted to.
     """
 
     rigid_end: float
     modulus: float
-    slenderness: float
+    radius_ratio: float
     error: float
 
     def rigid_ends(self, radii: Float[ArrayLike, "struts 2"]) -> Float[Array, "struts 2"]:
@@ -55,7 +55,7 @@ class JointModel:
             radii: at both ends [mm].
             lengths: between joints [mm].
         """
-        return 1 + self.modulus * slenderness(radii, lengths)
+        return 1 + self.modulus * radius_ratio(radii, lengths)
 
     def check(
         self, radii: Float[ArrayLike, "struts 2"], lengths: Float[ArrayLike, " struts"]
@@ -63,20 +63,20 @@ class JointModel:
         """Refuse struts thicker than the model was fitted to.
 
         Raises:
-            LatticeError: with the strut, its slenderness, the limit and the remedy.
+            LatticeError: with the strut, its radius ratio, the limit and the remedy.
         """
-        values = np.asarray(slenderness(radii, lengths))
-        over = values > self.slenderness * (1 + SLENDERNESS_RTOL)
+        values = np.asarray(radius_ratio(radii, lengths))
+        over = values > self.radius_ratio * (1 + RADIUS_RATIO_RTOL)
         if over.any():
             strut = int(np.argmax(values))
             raise LatticeError(
                 f"{int(over.sum())} of {len(values)} struts are thicker than the joint model was "
                 f"fitted to: strut {strut} has radius/length = {values[strut]:.3g}, limit "
-                f"{self.slenderness:.3g}; take thinner struts or larger cells."
+                f"{self.radius_ratio:.3g}; take thinner struts or larger cells."
             )
 
 
-def slenderness(
+def radius_ratio(
     radii: Float[ArrayLike, "struts 2"], lengths: Float[ArrayLike, " struts"]
 ) -> Float[Array, " struts"]:
     """Mean radius over length of each strut."""

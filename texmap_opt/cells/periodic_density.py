@@ -29,9 +29,8 @@ def periodic_density(cell: UnitCell, radius: float, *, subdivisions: int = SUBDI
     inside[block.struts[:, 1]] = last[kept]
     measure = LatticeVolume.of(block, subdivisions=subdivisions, seen=inside)
     share = inside[block.struts].mean(axis=1)
-    own = float(np.sum(share * measure.strut_volumes(block.joints, block.radii)))
     whole = float(np.prod(inner * np.array(cell.proportions)))
-    return (own - float(measure.overlap(block.joints, block.radii))) / whole
+    return measure.host_volume(block.joints, block.radii, share=share) / whole
 
 
 def _inside(

@@ -22,6 +22,8 @@ from texmap_opt.structure.tile import tile
 # half or a quarter of its area exactly. With 32 the polygon's second moment of area is that of the
 # circle to 1e-5.
 SEGMENTS = 32
+# Distance of joints from the union of their struts, in radii: what 32 sides leave of a circle.
+TOLERANCE = 0.005
 
 # Envelope of the mesher over the thinnest radius: its surface loses 0.2 % of the volume (1.7 % at
 # 1/20, 0.1 % at 1/200 in twice the time), and planes are found again without doubt.
@@ -97,7 +99,7 @@ def mirrored_surface(cell: UnitCell, *, edge: float, radius: float) -> TriMesh:
         cell_size=np.ones(len(net.struts)),
         section=cell.section,
     ).select(near)
-    solid = lattice_solid(block, tolerance_mm=radius, segments=SEGMENTS)
+    solid = lattice_solid(block, tolerance_mm=TOLERANCE * radius, segments=SEGMENTS).surface
     box = TetMesh.box((side * edge, side * edge, side * edge), (1, 1, 1))
     return intersection(solid, TriMesh(box.nodes, box.boundary_facets))
 

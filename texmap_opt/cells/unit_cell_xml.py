@@ -287,22 +287,22 @@ class _Reader:
         names = [field.name for field in fields(JointModel)]
         self.expect_attributes(element, set(names))
         values = {name: self.number(element, name) for name in names}
-        for name in ("rigid_end", "slenderness", "error"):
+        for name in ("rigid_end", "radius_ratio", "error"):
             if values[name] < 0:
                 self.refuse(element, f"{name} is {values[name]:g}; it must not be negative.")
         model = JointModel(**values)
         # Half the strut at either end, at most, and a factor above zero.
-        if not model.rigid_end * model.slenderness < 1 / 2:
+        if not model.rigid_end * model.radius_ratio < 1 / 2:
             self.refuse(
                 element,
-                f"struts of slenderness {model.slenderness:g} would be rigid from end to end; "
-                "lower slenderness or rigid_end.",
+                f"struts of radius/length {model.radius_ratio:g} would be rigid from end to end; "
+                "lower radius_ratio or rigid_end.",
             )
-        if not 1 + model.modulus * model.slenderness > 0:
+        if not 1 + model.modulus * model.radius_ratio > 0:
             self.refuse(
                 element,
-                f"the modulus of struts of slenderness {model.slenderness:g} would not be positive; "
-                "lower slenderness, or raise modulus.",
+                f"the modulus of struts of radius/length {model.radius_ratio:g} would not be positive; "
+                "lower radius_ratio, or raise modulus.",
             )
         return model
 

@@ -44,6 +44,16 @@ def intersection(*solids: TriMesh) -> TriMesh:
     return _surface(m3.Manifold.batch_boolean([_manifold(s) for s in solids], m3.OpType.Intersect))
 
 
+def carved(body: TriMesh, hollow: TriMesh, kept: TriMesh, holes: Sequence[TriMesh] = ()) -> TriMesh:
+    """`body` less what of `hollow` is not in `kept`, less all `holes`.
+
+    As differences of surfaces it takes twice as long: most of that is turning surfaces into solids.
+    """
+    void = m3.Manifold.batch_boolean([_manifold(hollow), _manifold(kept)], m3.OpType.Subtract)
+    solids = [_manifold(body), void, *(_manifold(hole) for hole in holes)]
+    return _surface(m3.Manifold.batch_boolean(solids, m3.OpType.Subtract))
+
+
 def shells(surface: TriMesh) -> list[TriMesh]:
     """The connected closed surfaces a surface consists of, in the order they come out.
 
@@ -111,6 +121,23 @@ def inset(
     """
     shape = m3.CrossSection(list(outline)).offset(-distance, m3.JoinType.Miter)
     return shape.simplify(tolerance).to_polygons()
+
+
+def closing(
+    outline: Sequence[Float[np.ndarray, "_ 2"]], radius: float, *, segments: int
+) -> list[Float[np.ndarray, "_ 2"]]:
+    """An outline grown by a radius and shrunk by it: hollow corners get that radius, no others.
+
+    Args:
+        outline: outer polygons counter-clockwise, holes clockwise, none crossing another [mm].
+        radius: of the fillets [mm].
+        segments: of a whole circle of that radius.
+    """
+    grown = m3.CrossSection(list(outline)).offset(
+        radius, m3.JoinType.Round, circular_segments=segments
+    )
+    shrunk = grown.offset(-radius, m3.JoinType.Round, circular_segments=segments)
+    return shrunk.to_polygons()
 
 
 def prism(

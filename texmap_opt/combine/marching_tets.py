@@ -16,8 +16,11 @@ from jaxtyping import Float, Int
 from texmap_opt.combine.tet_lattice import EDGES, TetLattice
 from texmap_opt.solid.tri_mesh import TriMesh
 
-# Rounds of the Illinois root search on a crossing edge: distance fields are nearly linear.
-ROOT_STEPS = 4
+# Most rounds of the Illinois root search on a crossing edge. A distance field is nearly linear and
+# one is enough, but not where the edge crosses a crease as well.
+ROOT_STEPS = 16
+# A crossing is found when the field there is below this share of what counts as good.
+ROOT_SHARE = 0.1
 # Nearest a crossing may come to the end of its edge, in edge lengths: keeps triangles apart.
 END_MARGIN = 1e-4
 # Normals that differ by less than this are one smooth surface; the cosine of 8 degrees.
@@ -37,12 +40,13 @@ class Level:
     Attributes:
         surface: triangles; the gradient points out of it.
         tet_of_face: the tetrahedron each triangle lies in; -1 never.
-        tets: the tetrahedra that are crossed, as numbers in the lattice.
+        crossings: how many vertices, the first ones, lie on edges of the lattice and so on the level;
+            the others were inserted at creases and corners.
     """
 
     surface: TriMesh
     tet_of_face: Int[np.ndarray, " faces"]
-    tets: Int[np.ndarray, " cells"]
+    crossings: int
 
 
 def zero_level(mesh: TetLattice, good: float) -> Level:
@@ -56,9 +60,9 @@ def zero_level(mesh: TetLattice, good: float) -> Level:
     crossed = np.flatnonzero((case > 0) & (case < 15))
     tets, case = mesh.tets[crossed], case[crossed]
     if not len(tets):
-        return Level(TriMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64)), crossed, crossed)
+        return Level(TriMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64)), crossed, 0)
     corner_table, face_table = _cases()
-    corners, normals, corner_of = _edge_points(mesh, tets, corner_table[case])
+    corners, normals, corner_of = _edge_points(mesh, tets, corner_table[case], good)
     middle_points, face_of = _face_points(
         mesh, crossed, face_table[case], corner_of, (corners, normals), good
     )
@@ -74,7 +78,7 @@ def zero_level(mesh: TetLattice, good: float) -> Level:
     negative = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
     flip = negative[owner]
     triangles[flip] = triangles[flip][:, ::-1]
-    return Level(TriMesh(points, triangles), crossed[owner], crossed)
+    return Level(TriMesh(points, triangles), crossed[owner], len(corners))
 
 
 @cache
@@ -108,7 +112,7 @@ def _cases() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _edge_points(
-    mesh: TetLattice, tets: np.ndarray, edges: np.ndarray
+    mesh: TetLattice, tets: np.ndarray, edges: np.ndarray, good: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Crossings on edges [mm], the normals there, and which one each piece has at each corner."""
     row, place = np.nonzero(edges >= 0)
@@ -123,13 +127,17 @@ def _edge_points(
     lower = np.where(mesh.values[a] < mesh.values[b], a, b)
     low, high = np.zeros(len(keys)), np.ones(len(keys))
     f_low, f_high = mesh.values[a].copy(), mesh.values[b].copy()
+    k = np.arange(len(keys))
     for _ in range(ROOT_STEPS):
-        t = _secant(low, high, f_low, f_high)
-        f, normal = mesh.beside(start + t[:, None] * along, lower)
-        below = (f < 0) == (f_low < 0)
+        t = _secant(low[k], high[k], f_low[k], f_high[k])
+        f, normal[k] = mesh.beside(start[k] + t[:, None] * along[k], lower[k])
+        below = (f < 0) == (f_low[k] < 0)
         # Illinois: the value at the end that stays is halved, so that it does not stay for ever.
-        f_low, f_high = np.where(below, f, f_low / 2), np.where(below, f_high / 2, f)
-        low, high = np.where(below, t, low), np.where(below, high, t)
+        f_low[k], f_high[k] = np.where(below, f, f_low[k] / 2), np.where(below, f_high[k] / 2, f)
+        low[k], high[k] = np.where(below, t, low[k]), np.where(below, high[k], t)
+        k = k[np.abs(f) > ROOT_SHARE * good]
+        if not len(k):
+            break
     t = _secant(low, high, f_low, f_high)
     corner_of = np.full(edges.shape, -1)
     corner_of[row, place] = inverse.reshape(-1)
@@ -232,7 +240,7 @@ def _centres(
     A, there = n[chosen], present[chosen]
     b = np.where(there, A * (points[corner_of[chosen]] - mean[:, None]), 0.0).sum(axis=2)
     U, S, Vt = np.linalg.svd(A, full_matrices=False)
-    inverse = np.where(S / S[:, :1] > CREASE, 1 / np.maximum(S, 1e-300), 0.0)
+    inverse = np.where(CREASE * S[:, :1] < S, 1 / np.maximum(S, 1e-300), 0.0)
     along = np.einsum("cks,ck->cs", U, b) * inverse  # piece, tangent plane, singular direction
     corner = mean + np.einsum("csx,cs->cx", Vt, along)
     x = mesh.points[tets[chosen]]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 # Bisection levels a coarse cube can be divided into: lattice coordinates are whole numbers.
@@ -51,6 +51,7 @@ class TetLattice:
         origin: lattice point (0, 0, 0) in the turned axes of the lattice [mm].
         step: length of one lattice unit [mm].
         lattice: whole lattice coordinates of the vertices.
+        points: their positions [mm].
         values: the field at the vertices [mm].
         gradients: its unit gradient there.
         tets: vertices in Maubach's order.
@@ -62,16 +63,12 @@ class TetLattice:
     origin: Float[np.ndarray, " 3"]
     step: float
     lattice: Int[np.ndarray, "nodes 3"]
+    points: Float[np.ndarray, "nodes 3"]
     values: Float[np.ndarray, " nodes"]
     gradients: Float[np.ndarray, "nodes 3"]
     tets: Int[np.ndarray, "cells 4"]
     tags: Int[np.ndarray, " cells"]
-    settled: np.ndarray
-
-    @property
-    def points(self) -> Float[np.ndarray, "nodes 3"]:
-        """Positions of the vertices [mm]."""
-        return _placed(self.origin + self.step * self.lattice)
+    settled: Bool[np.ndarray, " cells"]
 
     def sampled(
         self, points: Float[np.ndarray, "n 3"], tets: Int[np.ndarray, " n"]
@@ -86,10 +83,9 @@ class TetLattice:
         self, points: Float[np.ndarray, "n 3"], nodes: Int[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
         """Value and unit gradient at points near the given vertices."""
-        places = _placed(self.origin + self.step * self.lattice[nodes])
-        return self.field(points, (places, self.values[nodes]))
+        return self.field(points, (self.points[nodes], self.values[nodes]))
 
-    def only(self, chosen: np.ndarray) -> "TetLattice":
+    def only(self, chosen: Bool[np.ndarray, " cells"] | Int[np.ndarray, " chosen"]) -> "TetLattice":
         """The chosen tetrahedra, over the same vertices."""
         return replace(
             self, tets=self.tets[chosen], tags=self.tags[chosen], settled=self.settled[chosen]
@@ -98,16 +94,13 @@ class TetLattice:
 
 def coarse_lattice(
     field: AbstractField, bounds: Float[np.ndarray, "2 3"], cube: float
-) -> tuple[TetLattice, float]:
+) -> TetLattice:
     """Kuhn tetrahedra of all cubes that the zero level may meet.
 
     Args:
         field: what to find the level of.
         bounds: box to search [mm].
         cube: edge of the cubes at most [mm].
-
-    Returns:
-        the lattice, and the lowest value seen at a cube's centre [mm].
     """
     box = np.array(np.meshgrid(*bounds.T, indexing="ij")).reshape(3, 8).T @ _TURN.T
     bounds = np.stack([box.min(axis=0), box.max(axis=0)])
@@ -124,39 +117,64 @@ def coarse_lattice(
         for side in np.ptp(bounds, axis=0) * 1.06
     ]
     cubes = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), -1).reshape(-1, 3)
-    lowest = np.inf
     while True:
         edge = size * 2 ** (levels - level)
         values, _ = field(_placed(origin + edge * (cubes + 0.5)))
-        lowest = min(lowest, float(values.min(initial=np.inf)))
         cubes = cubes[np.abs(values) <= np.sqrt(3) / 2 * edge]
         if level == levels or not len(cubes):
             break
         octants = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
         cubes = (2 * cubes[:, None] + octants).reshape(-1, 3)
         level += 1
-    return _kuhn(field, origin, size, cubes), lowest
+    return _kuhn(field, origin, size, cubes)
 
 
-def bisected(mesh: TetLattice, chosen: np.ndarray) -> TetLattice:
+def bisected(mesh: TetLattice, chosen: Bool[np.ndarray, " cells"]) -> TetLattice:
     """The lattice after bisecting the chosen tetrahedra, and others until all meet face to face."""
-    middles, ends = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    made = _Middles(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    is_end = np.zeros(len(mesh.lattice), dtype=bool)
     while chosen.any():
         row = np.flatnonzero(chosen)
-        split = np.concatenate([mesh.tets[row, 0], mesh.tets[row, mesh.tags[row]]])
-        mesh, fresh = _bisected_once(mesh, chosen)
-        # Also those of earlier rounds: a child may still have one in the middle of an edge.
-        middles, ends = np.union1d(middles, fresh), np.union1d(ends, split)
-        chosen = _hanging(mesh, middles, ends)
-    return near_level(mesh)
+        is_end[mesh.tets[row, 0]] = True
+        is_end[mesh.tets[row, mesh.tags[row]]] = True
+        mesh, made = _bisected_once(mesh, row, made)
+        is_end = np.concatenate([is_end, np.zeros(len(mesh.lattice) - len(is_end), dtype=bool)])
+        chosen = _hanging(mesh, made, is_end)
+    return mesh
 
 
-def near_level(mesh: TetLattice) -> TetLattice:
-    """Without the tetrahedra that the zero level cannot meet."""
-    corners = mesh.lattice[mesh.tets]
+@dataclass(frozen=True, eq=False)
+class _Middles:
+    """Vertices put into the middle of edges since the tetrahedra last met face to face.
+
+    Attributes:
+        keys: of their lattice coordinates, sorted.
+        numbers: which vertices they are.
+    """
+
+    keys: Int[np.ndarray, " n"]
+    numbers: Int[np.ndarray, " n"]
+
+    def find(self, keys: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
+        """The vertices with these keys; -1 where there is none."""
+        if not len(self.keys):
+            return np.full(len(keys), -1)
+        place = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
+        return np.where(self.keys[place] == keys, self.numbers[place], -1)
+
+    def with_more(self, keys: Int[np.ndarray, " m"], numbers: Int[np.ndarray, " m"]) -> "_Middles":
+        """With further vertices."""
+        keys, numbers = np.concatenate([self.keys, keys]), np.concatenate([self.numbers, numbers])
+        order = np.argsort(keys, kind="stable")
+        return _Middles(keys[order], numbers[order])
+
+
+def _near_level(mesh: TetLattice, tets: Int[np.ndarray, "cells 4"]) -> Bool[np.ndarray, " cells"]:
+    """Which tetrahedra the zero level may meet."""
+    corners = mesh.lattice[tets]
     edges = corners[:, EDGES[:, 0]] - corners[:, EDGES[:, 1]]
     longest = mesh.step * np.sqrt((edges**2).sum(axis=2).max(axis=1))
-    return mesh.only(np.abs(mesh.values[mesh.tets]).max(axis=1) <= longest)
+    return np.abs(mesh.values[tets]).max(axis=1) <= longest
 
 
 def _kuhn(field: AbstractField, origin: np.ndarray, size: float, cubes: np.ndarray) -> TetLattice:
@@ -173,78 +191,86 @@ def _kuhn(field: AbstractField, origin: np.ndarray, size: float, cubes: np.ndarr
     lattice = _unkeyed(keys)
     tets = index.reshape(-1, 4)
     step = size / unit
-    values, gradients = field(_placed(origin + step * lattice))
-    count = len(tets)
-    return near_level(
-        TetLattice(
-            field,
-            origin,
-            step,
-            lattice,
-            values,
-            gradients,
-            tets,
-            np.full(count, 3),
-            np.zeros(count, dtype=bool),
-        )
-    )
+    points = _placed(origin + step * lattice)
+    values, gradients = field(points)
+    tags, settled = np.full(len(tets), 3), np.zeros(len(tets), dtype=bool)
+    mesh = TetLattice(field, origin, step, lattice, points, values, gradients, tets, tags, settled)
+    return mesh.only(_near_level(mesh, tets))
 
 
-def _bisected_once(mesh: TetLattice, chosen: np.ndarray) -> tuple[TetLattice, np.ndarray]:
-    """Bisects each chosen tetrahedron once; also the keys of all midpoints used."""
-    tets, tags = mesh.tets[chosen], mesh.tags[chosen]
-    row = np.arange(len(tets))
-    ends = mesh.lattice[np.stack([tets[:, 0], tets[row, tags]])]
-    middle_keys = _keys(ends.sum(axis=0) // 2)
-    keys, first, inverse = np.unique(middle_keys, return_index=True, return_inverse=True)
-    known = _keys(mesh.lattice)
-    order = np.argsort(known)
-    place = np.minimum(np.searchsorted(known, keys, sorter=order), len(known) - 1)
-    old = order[place]
-    fresh = known[old] != keys
-    number = np.where(fresh, len(known) + np.cumsum(fresh) - 1, old)
-    lattice = _unkeyed(keys[fresh])
-    pair = np.stack([tets[:, 0], tets[row, tags]])[:, first[fresh]]
-    lowest = np.argmin(mesh.values[pair], axis=0)
-    values, gradients = mesh.beside(
-        _placed(mesh.origin + mesh.step * lattice), pair[lowest, np.arange(len(lowest))]
+def _bisected_once(
+    mesh: TetLattice, row: Int[np.ndarray, " n"], made: _Middles
+) -> tuple[TetLattice, _Middles]:
+    """Bisects each chosen tetrahedron once; children that the level cannot meet are left out."""
+    tets, tags = mesh.tets[row], mesh.tags[row]
+    each = np.arange(len(tets))
+    pairs = np.stack([tets[:, 0], tets[each, tags]])
+    keys, first, inverse = np.unique(
+        _keys(mesh.lattice[pairs].sum(axis=0) // 2), return_index=True, return_inverse=True
     )
+    # The tetrahedra met face to face before: no older vertex is the middle of an edge of theirs.
+    number = made.find(keys)
+    fresh = np.flatnonzero(number < 0)
+    # In the order of the tetrahedra: points near each other stay near each other in memory.
+    fresh = fresh[np.argsort(first[fresh])]
+    number[fresh] = len(mesh.lattice) + np.arange(len(fresh))
+    mesh = _with_vertices(mesh, _unkeyed(keys[fresh]), pairs[:, first[fresh]])
     middle = number[inverse.reshape(-1)]
     left, right = tets.copy(), tets.copy()
-    left[row, tags] = middle
+    left[each, tags] = middle
     for k in range(3):
         # (x1 ... x_tag, z, x_tag+1 ...): corners up to the tag move one place down.
         right[:, k] = np.where(k < tags, tets[:, k + 1], right[:, k])
-    right[row, tags] = middle
-    next_tags = np.where(tags == 1, 3, tags - 1)
+    right[each, tags] = middle
+    children = np.stack([left, right], axis=1).reshape(-1, 4)
+    near = _near_level(mesh, children)
+    kept = np.ones(len(mesh.tets), dtype=bool)
+    kept[row] = False
+    next_tags = np.repeat(np.where(tags == 1, 3, tags - 1), 2)
     refined = replace(
         mesh,
+        tets=np.concatenate([mesh.tets[kept], children[near]]),
+        tags=np.concatenate([mesh.tags[kept], next_tags[near]]),
+        settled=np.concatenate([mesh.settled[kept], np.zeros(int(near.sum()), dtype=bool)]),
+    )
+    return refined, made.with_more(keys[fresh], number[fresh])
+
+
+def _with_vertices(
+    mesh: TetLattice, lattice: Int[np.ndarray, "n 3"], pairs: Int[np.ndarray, "2 n"]
+) -> TetLattice:
+    """With further vertices, each in the middle between two others."""
+    points = _placed(mesh.origin + mesh.step * lattice)
+    lowest = np.argmin(mesh.values[pairs], axis=0)
+    values, gradients = mesh.beside(points, pairs[lowest, np.arange(len(lowest))])
+    return replace(
+        mesh,
         lattice=np.concatenate([mesh.lattice, lattice]),
+        points=np.concatenate([mesh.points, points]),
         values=np.concatenate([mesh.values, values]),
         gradients=np.concatenate([mesh.gradients, gradients]),
-        tets=np.concatenate([mesh.tets[~chosen], left, right]),
-        tags=np.concatenate([mesh.tags[~chosen], next_tags, next_tags]),
-        settled=np.concatenate([mesh.settled[~chosen], np.zeros(2 * len(tets), dtype=bool)]),
     )
-    return refined, keys
 
 
-def _hanging(mesh: TetLattice, middles: np.ndarray, ends: np.ndarray) -> np.ndarray:
+def _hanging(
+    mesh: TetLattice, made: _Middles, is_end: Bool[np.ndarray, " nodes"]
+) -> Bool[np.ndarray, " cells"]:
     """Tetrahedra with a vertex in the middle of an edge.
 
     Args:
         mesh: the lattice.
-        middles: keys of the vertices put into the middle of edges.
-        ends: the vertices at the ends of those edges.
+        made: the vertices put into the middle of edges.
+        is_end: the vertices at the ends of those edges.
     """
-    is_end = np.zeros(len(mesh.lattice), dtype=bool)
-    is_end[ends] = True
-    near = np.flatnonzero(is_end[mesh.tets].sum(axis=1) >= 2)
+    # Four flags in one word: two or more are set when clearing the lowest leaves something.
+    flags = is_end[mesh.tets].view(np.uint32).reshape(-1)
+    near = np.flatnonzero(flags & (flags - np.uint32(1)))
     corners = mesh.lattice[mesh.tets[near]]
     hit = np.zeros(len(near), dtype=bool)
     for a, b in EDGES:
         total = corners[:, a] + corners[:, b]
-        hit |= (total % 2 == 0).all(axis=1) & np.isin(_keys(total // 2), middles)
+        even = np.flatnonzero(~(total & 1).any(axis=1))
+        hit[even] |= made.find(_keys(total[even] // 2)) >= 0
     hanging = np.zeros(len(mesh.tets), dtype=bool)
     hanging[near[hit]] = True
     return hanging

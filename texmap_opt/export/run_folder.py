@@ -10,6 +10,7 @@ from pathlib import Path
 
 from texmap_opt.errors import OutputError
 from texmap_opt.export.beam_lattice import write_beam_lattice
+from texmap_opt.export.metadata import Metadata
 from texmap_opt.export.vtk import write_grid, write_stress, write_struts
 from texmap_opt.progress import Progress
 from texmap_opt.report.drawing import Drawn, draw
@@ -59,6 +60,12 @@ def check_writable(out: Path, inputs: tuple[Path, ...]) -> None:
             )
     if out.exists() and not out.is_dir():
         raise OutputError(f"--out {out}: is a file; name a folder.")
+    for name in FILES:
+        if (out / name).is_dir():
+            raise OutputError(
+                f"--out {out}: has a folder named {name}, where a file of the run goes; rename it, or name "
+                "another folder."
+            )
     parent = out.absolute()
     while not parent.exists():
         parent = parent.parent
@@ -141,6 +148,9 @@ def _staged(out: Path) -> Iterator[Path]:
             (folder / name).replace(out / name)
         for name in set(FILES) - written:
             (out / name).unlink(missing_ok=True)
+    except OutputError as failure:
+        # The hidden folder is nothing that the user could look for.
+        raise OutputError(str(failure).replace(str(folder), str(out))) from failure
     except OSError as failure:
         raise OutputError(
             f"{out}: cannot be written ({failure.strerror}); free some space, or name another folder."
@@ -151,8 +161,9 @@ def _staged(out: Path) -> Iterator[Path]:
 
 def _write_files(run: Run, folder: Path) -> None:
     case, structure = run.case, run.filling.structure
-    run.solid.save(folder / "part.stl")
-    run.solid.save(folder / "part.3mf")
+    metadata = _metadata(run)
+    run.solid.save(folder / "part.stl", metadata)
+    run.solid.save(folder / "part.3mf", metadata)
     write_structure(
         structure,
         folder / "structure.xml",
@@ -164,8 +175,15 @@ def _write_files(run: Run, folder: Path) -> None:
             "warp": run.warp.method,
         },
     )
+    skin = run.combined.skin
     if case.lattice.kind == "rod" and structure.section == "round":
-        write_beam_lattice(folder / "lattice.3mf", structure)
+        write_beam_lattice(
+            folder / "lattice.3mf",
+            structure,
+            clipping=run.part.surface,
+            skin=None if skin is None else skin.shell(run.part.surface),
+            metadata=metadata,
+        )
     stress = run.stress
     write_stress(
         folder / "stress.vtu",
@@ -196,6 +214,23 @@ def _write_files(run: Run, folder: Path) -> None:
         strut_data["utilisation"] = sized.utilisation
     write_struts(folder / "struts.vtp", structure, strut_data=strut_data)
     (folder / "case.toml").write_text(case.to_toml(), encoding="utf-8")
+
+
+def _metadata(run: Run) -> Metadata:
+    """What the files of the result say of it; the same for the same run."""
+    lattice, structure = run.case.lattice, run.filling.structure
+    radii = structure.radii
+    kinds = ", ".join(cell.name for cell in run.layout.cells)
+    bars = "struts" if structure.extrusion is None else "walls"
+    skin = f"skin of {lattice.skin_mm:g} mm" if lattice.skin_mm else "no skin"
+    return Metadata(
+        title=f"{run.part.name} with a lattice",
+        description=(
+            f"{lattice.kind} kind of {kinds}, {skin}; {len(structure.struts)} {bars} with radii "
+            f"from {radii.min():.3g} to {radii.max():.3g} mm; warp {run.warp.method}, sizing "
+            f"{run.case.sizing.method}; case {run.case.path.name}"
+        ),
+    )
 
 
 def _draw(run: Run, folder: Path) -> Drawn:

@@ -5,13 +5,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from texmap_opt.errors import InputError
+from texmap_opt.export.metadata import Metadata
+from texmap_opt.export.obj import write_obj
+from texmap_opt.export.ply import write_ply
 from texmap_opt.export.stl import write_stl
 from texmap_opt.export.three_mf import write_three_mf
+from texmap_opt.export.vtk import write_surface
 from texmap_opt.solid.tri_mesh import TriMesh
 
-WRITERS: dict[str, Callable[[Path, TriMesh], None]] = {
+WRITERS: dict[str, Callable[[Path, TriMesh, Metadata], None]] = {
     ".stl": write_stl,
     ".3mf": write_three_mf,
+    ".obj": write_obj,
+    ".ply": write_ply,
+    ".vtp": write_surface,
 }
 
 
@@ -22,8 +29,9 @@ def check_ending(path: Path) -> None:
         InputError: with the endings that can.
     """
     if path.suffix.lower() not in WRITERS:
-        known = " or ".join(WRITERS)
-        raise InputError(f'{path}: the ending "{path.suffix}" is not {known}; choose one of them.')
+        raise InputError(
+            f'{path}: the ending "{path.suffix}" is not one of {", ".join(WRITERS)}; choose one of them.'
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +44,14 @@ class Solid:
 
     surface: TriMesh
 
-    def save(self, path: str | Path) -> None:
-        """Write it; the format follows from the ending, .stl or .3mf.
+    def save(self, path: str | Path, metadata: Metadata | None = None) -> None:
+        """Write it; the format follows from the ending, .stl, .3mf, .obj, .ply or .vtp.
+
+        All hold the vertices bit for bit, STL, 3MF, OBJ and PLY as float32, VTP as float64.
+
+        Args:
+            path: the file.
+            metadata: title and origin; None: the file's name is the title.
 
         Raises:
             InputError: for another ending.
@@ -45,4 +59,5 @@ class Solid:
         """
         path = Path(path)
         check_ending(path)
-        WRITERS[path.suffix.lower()](path, self.surface)
+        about = metadata or Metadata(title=path.stem)
+        WRITERS[path.suffix.lower()](path, self.surface, about)

@@ -1,4 +1,4 @@
-"""VTK XML files for ParaView: stress on tets, the warped grid, the sized struts.
+"""VTK XML files for ParaView: stress on tets, the warped grid, the sized struts, surfaces.
 
 Written directly (arrays in base64 with a 64-bit length before each), so that no graphics library
 is loaded: `struts.vtp` and the others also come out where VTK cannot start.
@@ -6,7 +6,7 @@ is loaded: `struts.vtp` and the others also come out where VTK cannot start.
 
 import base64
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 from xml.sax.saxutils import quoteattr
@@ -14,7 +14,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from jaxtyping import Float, Int
 
+from texmap_opt.export.metadata import Metadata
 from texmap_opt.export.whole_file import whole_file
+from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.structure import Structure
 
 # Cell types of the VTK file format.
@@ -24,10 +26,11 @@ VOIGT_TO_VTK = [0, 1, 2, 5, 3, 4]
 # Arrays of struts.
 RADIUS, MEAN_RADIUS, DEPTH = "radius_mm", "mean_radius_mm", "depth_mm"
 _TYPES = {"f": "Float64", "i": "Int64", "u": "UInt8"}
-# Bytes encoded at a time: a multiple of three, so that base64 pieces join.
-_CHUNK = 3 << 20
+# Numbers encoded at a time: some ten megabytes.
+_CHUNK = 1 << 20
 
-Data = Mapping[str, np.ndarray]
+# A range stands for an array of whole numbers that is never in memory as a whole.
+Data = Mapping[str, np.ndarray | range]
 
 
 def write_stress(
@@ -127,6 +130,37 @@ def write_struts(
         _text(file, "</Piece>\n</PolyData>\n</VTKFile>\n")
 
 
+def write_surface(path: Path, surface: TriMesh, metadata: Metadata) -> None:
+    """Writes the triangles of a surface, in float64; field data say the unit and the metadata.
+
+    Args:
+        path: the file.
+        surface: its triangles [mm].
+        metadata: title and origin.
+
+    Raises:
+        OutputError: when the file cannot be written.
+    """
+    count = len(surface.faces)
+    with whole_file(path) as file:
+        _open(file, "PolyData")
+        _text(file, "<FieldData>\n")
+        for name, text in {"Unit": "millimetre", **metadata.entries()}.items():
+            # A string is the codes of its bytes, and a zero.
+            codes = " ".join(str(code) for code in (*text.encode(), 0))
+            _text(
+                file,
+                f'<DataArray type="String" Name="{name}" NumberOfTuples="1" format="ascii">{codes}'
+                "</DataArray>\n",
+            )
+        _text(file, "</FieldData>\n")
+        _text(file, f'<Piece NumberOfPoints="{len(surface.vertices)}" NumberOfPolys="{count}">\n')
+        _group(file, "Points", {"points": surface.vertices})
+        offsets = range(3, 3 * count + 1, 3)
+        _group(file, "Polys", {"connectivity": surface.faces.reshape(-1), "offsets": offsets})
+        _text(file, "</Piece>\n</PolyData>\n</VTKFile>\n")
+
+
 def _write_unstructured(
     path: Path,
     points: np.ndarray,
@@ -164,15 +198,31 @@ def _open(file: BinaryIO, kind: str) -> None:
 def _group(file: BinaryIO, name: str, arrays: Data) -> None:
     _text(file, f"<{name}>\n")
     for label, array in arrays.items():
-        kind = _TYPES[array.dtype.kind]
-        width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
+        kind, width = "Int64", ""
+        if not isinstance(array, range):
+            kind = _TYPES[array.dtype.kind]
+            width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
         _text(file, f'<DataArray type="{kind}" Name={quoteattr(label)}{width} format="binary">')
-        values = np.ascontiguousarray(array, dtype=kind.lower())
-        payload = np.array(values.nbytes, dtype=np.uint64).tobytes() + values.tobytes()
-        for start in range(0, len(payload), _CHUNK):
-            file.write(base64.b64encode(payload[start : start + _CHUNK]))
+        kept = b""
+        for piece in _payload(array, np.dtype(kind.lower())):
+            # Three bytes are four letters; what is over waits for the next piece.
+            whole = (len(kept) + len(piece)) // 3 * 3 - len(kept)
+            file.write(base64.b64encode(kept + piece[:whole]))
+            kept = piece[whole:]
+        file.write(base64.b64encode(kept))
         _text(file, "</DataArray>\n")
     _text(file, f"</{name}>\n")
+
+
+def _payload(array: np.ndarray | range, dtype: np.dtype) -> Iterator[bytes]:
+    """The number of bytes that follow, and these."""
+    numbers = array if isinstance(array, range) else array.reshape(-1)
+    yield np.array(len(numbers) * dtype.itemsize, dtype=np.uint64).tobytes()
+    for start in range(0, len(numbers), _CHUNK):
+        some = numbers[start : start + _CHUNK]
+        if isinstance(some, range):
+            some = np.arange(some.start, some.stop, some.step)
+        yield some.astype(dtype).tobytes()
 
 
 def _text(file: BinaryIO, text: str) -> None:

@@ -1,8 +1,8 @@
 """3MF beam lattices: the beams of the objects that a package builds.
 
-3MF Core Specification 1.4.0 (units, build items and their transforms) and Beam Lattice Extension 1.2.0
-(beams, radii, minimal length). Triangles, balls, caps and clipping are left out, with a note where that
-changes the shape.
+3MF Core Specification 1.4.0 (units, build items, components and their transforms) and Beam Lattice
+Extension 1.2.0 (beams, radii, minimal length). Triangles, balls, caps and clipping are left out, with a note
+where that changes the shape.
 """
 
 import posixpath
@@ -36,6 +36,9 @@ UNITS = {
 CLIPPING = ("none", "inside", "outside")
 # A model's text when unpacked [bytes]: some twenty million beams. A zip holds a thousandth of it.
 MAX_MODEL = 2 << 30
+# Objects that the build places, components within components counted each time: a few lines could ask for
+# billions.
+MAX_PLACED = 10_000
 # Relative difference of the lengths to which a transform takes the axes below which beams stay round.
 ROUND = 1e-6
 IDENTITY = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]])
@@ -105,19 +108,9 @@ def _built(path: Path, reader: "_Reader") -> Bars:
     struts: list[np.ndarray] = []
     radii: list[np.ndarray] = []
     count, notes = 0, []
-    for number, transform in reader.items:
-        if number not in reader.objects:
-            raise StructureError(
-                f"{path.name}: the build names object {number}, which is not defined; write it again."
-            )
-        lattice = reader.objects[number]
-        if lattice.components:
-            raise StructureError(
-                f"{path.name}: object {number} is an assembly of components, which is not followed; "
-                "export the beam lattice as one object."
-            )
+    for lattice, transform in _placed(path, reader):
         if not lattice.beams:
-            notes.append(f"object {number} has no beams and was left out")
+            notes.append(f"object {lattice.number} has no beams and was left out")
             continue
         vertices, ends, scale = lattice.placed(path, transform)
         joints.append(vertices)
@@ -129,9 +122,34 @@ def _built(path: Path, reader: "_Reader") -> Bars:
         raise StructureError(
             f"{path.name}: builds no beam lattice; export one, or give a structure."
         )
-    return Bars(
-        np.concatenate(joints), np.concatenate(struts), np.concatenate(radii), notes=tuple(notes)
-    )
+    # Objects that are placed several times have the same to say each time.
+    notes = tuple(dict.fromkeys(notes))
+    return Bars(np.concatenate(joints), np.concatenate(struts), np.concatenate(radii), notes=notes)
+
+
+def _placed(path: Path, reader: "_Reader") -> list[tuple["_Object", Float[np.ndarray, "4 3"]]]:
+    """The meshes that the build's objects come down to, and where each goes."""
+    for number, _ in reader.items:
+        if number not in reader.objects:
+            raise StructureError(
+                f"{path.name}: the build names object {number}, which is not defined; write it again."
+            )
+    found: list[tuple[_Object, np.ndarray]] = []
+    waiting = [(reader.objects[number], transform) for number, transform in reversed(reader.items)]
+    while waiting:
+        placed, outer = waiting.pop()
+        if not placed.components:
+            found.append((placed, outer))
+        for number, inner in reversed(placed.components):
+            # Row vectors: first the component's transform, then that of the object it is in.
+            turn, shift = inner[:3] @ outer[:3], inner[3] @ outer[:3] + outer[3]
+            waiting.append((reader.objects[number], np.vstack([turn, shift])))
+        if len(found) + len(waiting) > MAX_PLACED:
+            raise StructureError(
+                f"{path.name}: its assemblies place more than {MAX_PLACED:,} objects; export the beam "
+                "lattice as one object."
+            )
+    return found
 
 
 @dataclass(eq=False)
@@ -147,7 +165,7 @@ class _Object:
     triangles: int = 0
     balls: int = 0
     clipping: str = "none"
-    components: bool = False
+    components: list[tuple[int, np.ndarray]] = field(default_factory=list)
 
     def points(self) -> Float[np.ndarray, "vertices 3"]:
         return np.array(self.vertices).reshape(-1, 3)
@@ -221,7 +239,7 @@ class _Reader:
         self.taken = {
             f"{CORE} model": self.model,
             f"{CORE} object": self.object,
-            f"{CORE} components": self.components,
+            f"{CORE} component": self.component,
             f"{CORE} vertex": self.vertex,
             f"{CORE} triangle": self.triangle,
             f"{CORE} item": self.item,
@@ -263,8 +281,13 @@ class _Reader:
             self.refuse(f"a second object with id {number}; ids must differ.")
         self.current = self.objects[number] = _Object(number)
 
-    def components(self, _: dict[str, str]) -> None:
-        self.inside("components").components = True
+    def component(self, attributes: dict[str, str]) -> None:
+        assembly = self.inside("component")
+        number, transform = self.place("component", attributes)
+        # So no assembly contains itself.
+        if number not in self.objects or number == assembly.number:
+            self.refuse(f"component names object {number}, which does not stand before it.")
+        assembly.components.append((number, transform))
 
     def vertex(self, attributes: dict[str, str]) -> None:
         self.xml.demand("vertex", attributes, "xyz")
@@ -307,10 +330,13 @@ class _Reader:
         lattice.radii.extend((first, last))
 
     def item(self, attributes: dict[str, str]) -> None:
-        self.xml.demand("item", attributes, ("objectid",))
+        self.items.append(self.place("item", attributes))
+
+    def place(self, tag: str, attributes: dict[str, str]) -> tuple[int, np.ndarray]:
+        """The number of an object and its transform."""
+        self.xml.demand(tag, attributes, ("objectid",))
         number = self.xml.whole(attributes["objectid"], "objectid")
-        transform = IDENTITY
-        if "transform" in attributes:
-            numbers = self.xml.numbers(attributes["transform"].split(), "transform", 12)
-            transform = np.array(numbers).reshape(4, 3)
-        self.items.append((number, transform))
+        if "transform" not in attributes:
+            return number, IDENTITY
+        numbers = self.xml.numbers(attributes["transform"].split(), "transform", 12)
+        return number, np.array(numbers).reshape(4, 3)

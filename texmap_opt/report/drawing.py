@@ -16,6 +16,8 @@ import numpy as np
 from fea.effective_stiffness import DirectionalModulus
 from fea.plane_stiffness import PolarModulus
 from texmap_opt.errors import OutputError
+from texmap_opt.export.picture_file import require_png, write_png
+from texmap_opt.export.whole_file import whole_file
 from texmap_opt.report.overlay import write_polar
 from texmap_opt.report.scenes import Cell, LoadedPart, PlannedPart, Scene, StiffnessSurface, Whole
 from texmap_opt.report.view import Eye, best_eye, eyes
@@ -119,6 +121,7 @@ def draw_cell(structure: Structure, png: Path) -> None:
     """Draw one unit cell.
 
     Raises:
+        InputError: when the file is not named .png.
         OutputError: when this machine cannot draw, or the file cannot be written.
     """
     _draw_one(cell_scene(structure), png)
@@ -133,6 +136,7 @@ def draw_stiffness(modulus: DirectionalModulus, png: Path, *, quantity: str) -> 
         quantity: what the modulus is, for the colour bar.
 
     Raises:
+        InputError: when the file is not named .png.
         OutputError: when this machine cannot draw, or the file cannot be written.
     """
     # Over its largest value: pictures do not depend on the unit.
@@ -149,25 +153,21 @@ def draw_polar_stiffness(modulus: PolarModulus, png: Path, *, quantity: str) -> 
         quantity: what the modulus is.
 
     Raises:
-        OutputError: when the file cannot be written.
+        InputError: when the file is not named .png.
+        OutputError: when it cannot be written.
     """
-    try:
-        write_polar(modulus.angle, modulus.E, png, quantity=quantity)
-    except OSError as failure:
-        raise OutputError(f"{png} cannot be written: {failure.strerror}.") from failure
+    require_png(png)
+    with whole_file(png) as file:
+        write_polar(modulus.angle, modulus.E, file, quantity=quantity)
 
 
 def _draw_one(scene: Scene, png: Path) -> None:
+    require_png(png)
     with tempfile.TemporaryDirectory(prefix="texmap-cell-") as folder:
         drawn = draw({"scene": scene}, Path(folder), timeout_s=CELL_TIMEOUT_S)
         if drawn.missing:
             raise OutputError(f"{png}: no picture: {drawn.missing['scene']}.")
-        try:
-            half_written = png.with_name(png.name + ".part")
-            half_written.write_bytes(drawn.pictures["scene"].read_bytes())
-            half_written.replace(png)
-        except OSError as failure:
-            raise OutputError(f"{png} cannot be written: {failure.strerror}.") from failure
+        write_png(png, drawn.pictures["scene"].read_bytes())
 
 
 def _eye(scenes: Mapping[str, Scene], up: int | None) -> Eye:

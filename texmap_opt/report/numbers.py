@@ -70,6 +70,7 @@ def report_numbers(run: Run, progress: Progress, *, snapped_mm: float) -> dict[s
         "joint_model": _joint_model(run),
         "lattice": _lattice(run),
         "result": _result(run, snapped_mm),
+        "printability": None if run.printability is None else run.printability.as_dict(),
         "warnings": list(progress.warnings),
         "platform": {
             "python": platform.python_version(),
@@ -116,6 +117,7 @@ def _structure(run: Run) -> dict[str, Any]:
         "connected_components": _pieces(run),
         "total_length_mm": float(structure.lengths().sum()),
         "trimmed": asdict(run.trimmed.counts),
+        "unreached": run.unreached.numbers(),
         "struts_of_kind": _struts_of_kind(structure),
         "interfaces": [interface.numbers() for interface in run.interfaces],
     } | _walls(structure)
@@ -192,7 +194,7 @@ def _joint_model(run: Run) -> dict[str, Any] | None:
         "cells": list(zones.models),
         "rigid_end": [model.rigid_end for model in models],
         "modulus": [model.modulus for model in models],
-        "slenderness": [model.slenderness for model in models],
+        "radius_ratio": [model.radius_ratio for model in models],
         "error": [model.error for model in models],
         "thicker_share": zones.thicker(filling.structure.radii),
     }
@@ -241,6 +243,11 @@ def _lattice(run: Run) -> dict[str, Any]:
         "inside_mm3": filling.inside_mm3,
         "relative_density": filling.inside_mm3 / run.part.volume,
         "formula_mm3": filling.formula_mm3,
+        "fillet_mm": filling.lattice.smallest_fillet_mm,
+        "clamped_fillets": filling.lattice.clamped_fillets,
+        "clusters": filling.lattice.clusters,
+        "cluster_struts": filling.lattice.cluster_struts,
+        "mesh_error_mm": filling.lattice.error_mm,
     }
 
 
@@ -259,8 +266,34 @@ def _result(run: Run, snapped_mm: float) -> dict[str, Any]:
         "area_mm2": validity.area_mm2,
         "printable": validity.printable,
         "snapped_mm": snapped_mm,
-        "skin_error_mm": None if combined.offset is None else combined.offset.error_mm,
-        "skin_solid_share": None if combined.offset is None else combined.offset.solid_share,
+        **_hollow(run),
         "chips_removed": combined.chips,
         "chip_volume_mm3": combined.chip_volume_mm3,
+    }
+
+
+def _hollow(run: Run) -> dict[str, Any]:
+    """How the part is hollow behind its skin; nothing without one."""
+    names = ("error_mm", "solid_share", "solid_regions", "solid_mm3", "largest_solid")
+    skin = run.combined.skin
+    if skin is None:
+        return {f"skin_{name}": None for name in names} | {"openings": [], "drains": []}
+    volumes, centres = skin.solid.volumes_mm3, skin.solid.centres
+    largest = None
+    if len(volumes):
+        largest = {"volume_mm3": float(volumes[0]), "centre_mm": centres[0].tolist()}
+    solid = float(volumes.sum())
+    values = (skin.offset.error_mm, solid / run.part.volume, len(volumes), solid, largest)
+    mouths = () if skin.opened is None else skin.opened.mouths_mm2
+    return {f"skin_{name}": value for name, value in zip(names, values, strict=True)} | {
+        "openings": [{"mouth_mm2": mouth} for mouth in mouths],
+        "drains": [
+            {
+                "point_mm": hole.point.tolist(),
+                "direction": hole.direction.tolist(),
+                "length_mm": hole.length_mm,
+                "open_share": hole.open_share,
+            }
+            for hole in skin.drains
+        ],
     }

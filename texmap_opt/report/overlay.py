@@ -1,8 +1,9 @@
 """Colour bars, numbers and legends over a rendered picture."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,6 +23,10 @@ DIVERGING = "RdBu_r"
 # The least half width of such a scale, as a share of its middle: less than this is no error.
 LEAST_HALF = 0.05
 
+# Of kinds of cells: blue, orange, green, purple, sky, yellow, red, told apart by colour-blind eyes too
+# (Okabe, Ito, "Color universal design", 2008).
+KIND_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#f0e442", "#d55e00")
+
 # Width of the rim of a section, in pixels of the rendered picture.
 RIM_PIXELS = 2
 
@@ -32,14 +37,14 @@ class Bar:
 
     Attributes:
         title: what the colour shows, with its unit.
-        colours: name of a matplotlib colour map.
+        colours: name of a matplotlib colour map, or one colour for each whole number from low to high.
         low: value of the lowest colour.
         high: value of the highest colour.
         beyond: largest value there is, when it lies above `high`.
     """
 
     title: str
-    colours: str
+    colours: str | list[str]
     low: float
     high: float
     beyond: float | None = None
@@ -103,6 +108,12 @@ def colour_range(
     return low, high, peak if cut else None
 
 
+def kinds_bar(names: Sequence[str]) -> Bar:
+    """Colours of values that are indices of names; beyond the palette they begin again."""
+    colours = [KIND_COLOURS[k % len(KIND_COLOURS)] for k in range(len(names))]
+    return Bar("", colours, -0.5, len(names) - 0.5)
+
+
 def write_picture(pixels: Float[np.ndarray, "h w 3"], overlay: Overlay, png: Path) -> None:
     """Write the picture with its overlay; the file appears whole or not at all."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -128,16 +139,16 @@ def write_picture(pixels: Float[np.ndarray, "h w 3"], overlay: Overlay, png: Pat
 def write_polar(
     angle: Float[np.ndarray, " samples"],
     values: Float[np.ndarray, " samples"],
-    png: Path,
+    file: BinaryIO,
     *,
     quantity: str,
 ) -> None:
-    """Write a curve round the origin, its distance the value; the file appears whole or not at all.
+    """Write a curve round the origin, its distance the value, as PNG.
 
     Args:
         angle: to x [rad], over a whole turn.
         values: above zero.
-        png: the file.
+        file: open for writing.
         quantity: what the values are; lines end with a newline.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -156,9 +167,7 @@ def write_polar(
     axes.tick_params(labelsize=13, labelcolor=INK)
     axes.set_rlabel_position(22)
     axes.set_title(quantity.replace("\n", " "), color=INK, fontsize=14, weight="bold")
-    half_written = png.with_name(png.name + ".part")
-    canvas.print_figure(half_written, format="png", dpi=DPI)
-    half_written.replace(png)
+    canvas.print_figure(file, format="png", dpi=DPI)
 
 
 def paint_section(image: np.ndarray, section: np.ndarray) -> None:
@@ -210,11 +219,13 @@ def _spot(figure: Any, x: float, y: float, number: int, colour: str) -> None:
 def _bar(figure: Any, bar: Bar) -> None:
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import ListedColormap, Normalize
     from matplotlib.ticker import MaxNLocator
 
     axes = figure.add_axes((0.885, 0.16, 0.02, 0.58))
-    colours = colormaps[bar.colours]
+    colours = (
+        colormaps[bar.colours] if isinstance(bar.colours, str) else ListedColormap(bar.colours)
+    )
     if bar.beyond is not None:
         colours = colours.copy()
         colours.set_over(bar.beyond_colour or colours(1.0))

@@ -24,6 +24,8 @@ CAPTIONS = {
     "grid": "Cells that meet the part, coloured by size; of a grid in three dimensions the octant in "
     "front is left out.",
     "size-error": "The same cells by achieved over wanted size: red too large, blue too small.",
+    "kinds": "Cells that meet the part, coloured by the unit cell they hold; of a grid in three dimensions "
+    "the octant in front is left out.",
     "radius": "Struts coloured by radius, walls by half their thickness.",
     "utilisation": "Struts coloured by utilisation: worst stress in the section over yield.",
     "cut": "The result cut open; the section is orange.",
@@ -323,7 +325,7 @@ def _structure(report: Report, shown: _Figures, data: PlotData) -> str:
             "weighted by its length and by how much that stress stands out."
         )
         left.append(_figure(plots.strut_angles(angles, weights), caption))
-    return _section("Structure", left, [shown.of("radius")])
+    return _section("Structure", left, [shown.of("radius"), shown.of("kinds")])
 
 
 def _sizing(report: Report, shown: _Figures, data: PlotData) -> str:
@@ -350,6 +352,7 @@ def _result(report: Report, shown: _Figures) -> str:
     left = [
         _titled("Result", table(_of(report, "result"), tables.RESULT)),
         _titled("Lattice alone", table(_of(report, "lattice"), tables.LATTICE)),
+        _titled("Printability", table(_of(report, "printability"), tables.PRINTABILITY)),
     ]
     return _section("Result", left, [shown.of("cut"), shown.of("whole")])
 

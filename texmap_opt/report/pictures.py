@@ -20,6 +20,7 @@ from texmap_opt.report.overlay import (
     Bar,
     Overlay,
     colour_range,
+    kinds_bar,
     paint_section,
     write_picture,
 )
@@ -242,21 +243,23 @@ def _warped_grid(plotter: pv.Plotter, scene: WarpedGrid, eye: Eye) -> Overlay:
     grid = pv.StructuredGrid(*np.moveaxis(scene.nodes, -1, 0))
     # StructuredGrid counts cells with the first index fastest.
     grid.cell_data["values"] = scene.values.ravel(order="F")
-    # The octant towards the eye is left out, so that the cells inside are seen.
-    corner = (scene.nodes[:-1, :-1, :-1] + scene.nodes[1:, 1:, 1:]) / 2
-    near = ((corner - scene.part.bounds.mean(axis=0)) * np.sign(eye.direction) > 0).all(axis=-1)
-    shown = scene.meets & ~near
-    cells = grid.extract_cells(np.flatnonzero(shown.ravel(order="F")))
+    cells = grid.extract_cells(np.flatnonzero(scene.behind(eye.direction).ravel(order="F")))
     skin = cells.extract_surface(algorithm="dataset_surface")
-    scale = colour_range(scene.values[scene.meets], middle=scene.middle)
-    bar = Bar(scene.quantity, "viridis_r" if scene.middle is None else DIVERGING, *scale)
+    if scene.names:
+        bar = kinds_bar(scene.names)
+    else:
+        scale = colour_range(scene.values[scene.meets], middle=scene.middle)
+        bar = Bar(scene.quantity, "viridis_r" if scene.middle is None else DIVERGING, *scale)
     thin = 0.8 * SUPERSAMPLING
     _add_coloured(plotter, skin, bar, show_edges=True, edge_color=EDGE_COLOUR, line_width=thin)
     veil = LIGHT_VEIL if 1 in scene.values.shape else VEIL
     _add(plotter, _poly(scene.part), color="white", opacity=veil)
     _sharp_edges(plotter, scene.part)
-    _look(plotter, np.concatenate([skin.points, scene.part.vertices]), eye, BESIDE_BAR)
-    return Overlay(bar)
+    frame = _under_legend(PLAIN, len(scene.names)) if scene.names else BESIDE_BAR
+    _look(plotter, np.concatenate([skin.points, scene.part.vertices]), eye, frame)
+    if not scene.names:
+        return Overlay(bar)
+    return Overlay(legend=tuple((0, *row) for row in zip(scene.names, bar.colours, strict=True)))
 
 
 def _struts(plotter: pv.Plotter, scene: Struts, eye: Eye) -> Overlay:
@@ -321,8 +324,7 @@ def _cut_open(plotter: pv.Plotter, scene: CutOpen, eye: Eye) -> Overlay:
 
 
 def _cell(plotter: pv.Plotter, scene: Cell, eye: Eye) -> Overlay:
-    low = scene.joints.min(axis=0)
-    high = scene.joints.max(axis=0)
+    low, high = scene.joints.min(axis=0), scene.joints.max(axis=0)
     shape, normals = tubes(scene.joints, scene.struts, scene.radii, sides=48)
     mesh = _poly(shape)
     mesh.point_data.active_normals = normals
@@ -349,12 +351,8 @@ def _stiffness_surface(plotter: pv.Plotter, scene: StiffnessSurface, eye: Eye) -
     axes = axis_arrows(scene.surface)
     for axis, colour in zip(axes, AXIS_COLOURS.values(), strict=True):
         _surface(plotter, axis, color=colour)
-    _look(
-        plotter,
-        np.concatenate([shape.vertices for shape in (scene.surface, *axes)]),
-        eye,
-        BESIDE_BAR,
-    )
+    seen = np.concatenate([shape.vertices for shape in (scene.surface, *axes)])
+    _look(plotter, seen, eye, BESIDE_BAR)
     return Overlay(bar, legend=tuple((0, *item) for item in AXIS_COLOURS.items()))
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from texmap_opt.case import Load, Support
 from texmap_opt.report.grid_layers import hexahedra
@@ -20,6 +21,7 @@ from texmap_opt.report.scenes import (
 from texmap_opt.run_result import Run
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.stress_field import StressField, selected_facets
+from texmap_opt.structure.layout import Layout
 from texmap_opt.structure.structure import Structure
 from texmap_opt.warp.grid import Grid
 from texmap_opt.warp.quality import achieved_sizes
@@ -55,6 +57,9 @@ def run_scenes(run: Run) -> dict[str, Scene]:
             middle=1.0,
         ),
     }
+    layout = run.layout
+    if len(layout.cells) > 1:
+        scenes["kinds"] = kinds_of_cells(layout, corners, meets, run.part.surface)
     structure, sized = run.filling.structure, run.filling.sized
     scenes["radius"] = _struts(structure)
     if sized is not None and sized.utilisation is not None:
@@ -63,6 +68,25 @@ def run_scenes(run: Run) -> dict[str, Scene]:
             scenes["radius"], values=worst, quantity="utilisation", unit="", limit=1.0
         )
     return scenes | {"cut": CutOpen(run.solid.surface), "whole": Whole(run.solid.surface)}
+
+
+def kinds_of_cells(
+    layout: Layout,
+    corners: Float[np.ndarray, "i j k 3"],
+    meets: Bool[np.ndarray, "x y z"],
+    part: TriMesh,
+) -> WarpedGrid:
+    """Cells of a grid coloured by the unit cell they hold.
+
+    Args:
+        layout: which unit cell is where.
+        corners: of the cells [mm].
+        meets: cells that meet the part.
+        part: its surface.
+    """
+    kinds = layout.kinds.reshape(meets.shape).astype(float)
+    names = tuple(cell.name for cell in layout.cells)
+    return WarpedGrid(corners, kinds, meets, part, quantity="unit cell", names=names)
 
 
 def _struts(structure: Structure) -> Struts:

@@ -67,6 +67,8 @@ class WarpedGrid:
         part: the part's surface.
         quantity: name for the colour bar; lines end with a newline.
         middle: value of the middle colour, for values that are good there; None: lowest to highest.
+        names: where values are indices of these, which the legend tells by their colours; empty: they
+            are amounts.
     """
 
     nodes: Float[np.ndarray, "i j k 3"]
@@ -75,6 +77,13 @@ class WarpedGrid:
     part: TriMesh
     quantity: str = "cell size\n[mm]"
     middle: float | None = None
+    names: tuple[str, ...] = ()
+
+    def behind(self, towards_eye: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "x y z"]:
+        """Cells that meet the part, less the octant towards the eye: so those inside are seen."""
+        middles = (self.nodes[:-1, :-1, :-1] + self.nodes[1:, 1:, 1:]) / 2
+        near = (middles - self.part.bounds.mean(axis=0)) * np.sign(towards_eye) > 0
+        return self.meets & ~near.all(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

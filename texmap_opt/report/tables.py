@@ -97,6 +97,47 @@ def counts(value: Any) -> str:
     return ", ".join(f"{escape(str(name))} {count(number)}" for name, number in value.items())
 
 
+def share_of(value: Any) -> str:
+    """The `share` in a table of numbers, in percent."""
+    return percent(value["share"])
+
+
+def trapped(value: Any) -> str:
+    """Powder in closed voids."""
+    if not value["count"]:
+        return "none"
+    return f"{digits(value['total_mm3'])} mm³ in {count(value['count'])} closed voids"
+
+
+def widths(value: Any) -> str:
+    """Smallest distance between facing walls, that of 5 % of their area, and the median."""
+    found = [value[name] for name in ("smallest_mm", "percentile_5_mm", "median_mm")]
+    known = [digits(width, 3) for width in found if width is not None]
+    return f"{', '.join(known)} mm" if known else DASH
+
+
+def hanging(value: Any) -> str:
+    """What needs supports along the build direction, and along the best one."""
+    along, best = (
+        f"({', '.join(digits(c, 3) for c in value[name])})"
+        for name in ("build_direction", "best_direction")
+    )
+    return (
+        f"{percent(value['share'])} below {digits(value['limit_deg'])}° along {along}; "
+        f"{percent(value['best_share'])} along {best}"
+    )
+
+
+def flat_struts(value: Any) -> str:
+    """Struts that lie too flatly."""
+    return f"{count(value['count'])}, {percent(value['share'])} of their length"
+
+
+def same_after_stl(value: Any) -> str:
+    """Whether the solid is the same after an STL file."""
+    return yes_no(value["same"])
+
+
 def interfaces(value: Any) -> str:
     """How kinds of unit cells were joined, one line for each two kinds."""
     lines = [
@@ -197,6 +238,7 @@ STRUCTURE = (
     Row("interfaces", "kinds of cells meet", interfaces),
     Row("connected_components", "connected components", one_wanted),
     Row("total_length_mm", "total strut length", quantity("mm")),
+    Row("unreached", "volume farther than a cell from struts", share_of),
     Row("extrusion_axis", "walls extruded along", quantity("", 3)),
     Row("mean_depth_mm", "mean depth of the walls in the part", quantity("mm", 3)),
 )
@@ -226,7 +268,7 @@ JOINT_MODEL = (
     Row("cells", "of unit cells", text),
     Row("rigid_end", "rigid end of a strut over its radius", quantity("", 3)),
     Row("modulus", "change of modulus over radius/length", quantity("", 3)),
-    Row("slenderness", "fitted up to a radius/length of", quantity("", 3)),
+    Row("radius_ratio", "fitted up to a radius/length of", quantity("", 3)),
     Row("error", "error there, of the uniform cell, at most", percent),
     Row("thicker_share", "struts thicker than that, counted as that", percent),
 )
@@ -248,4 +290,12 @@ RESULT = (
     Row("relative_density", "volume over the part's", percent),
     Row("skin_error_mm", "bound on the skin's error", quantity("mm", 2)),
     Row("snapped_mm", "largest shift by rounding to float32", quantity("mm", 2)),
+)
+PRINTABILITY = (
+    Row("closed_voids", "trapped powder", trapped),
+    Row("walls", "walls and struts: smallest, 5 %, median", widths),
+    Row("gaps", "gaps: smallest, 5 %, median", widths),
+    Row("overhang", "surface that needs supports", hanging),
+    Row("struts", "struts that lie too flatly", flat_struts),
+    Row("after_stl", "the same after an STL file", same_after_stl),
 )

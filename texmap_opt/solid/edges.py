@@ -30,26 +30,26 @@ class Edges:
     @cached_property
     def opposite(self) -> Int[np.ndarray, " edges"]:
         """The one edge that runs the other way; -1 where there is none or more than one."""
-        order = np.argsort(self._keys, kind="stable")
-        position = np.searchsorted(self._keys, self._reverse_keys, sorter=order)
-        position = np.minimum(position, max(len(order) - 1, 0))
-        candidate = order[position] if len(order) else order
-        found = self._keys[candidate] == self._reverse_keys
-        return np.where(found & ~self.crowded, candidate, -1)
+        starts, forward, backward = self._counts
+        first = starts[(forward == 1) & (backward == 1)]
+        one, other = self._order[first], self._order[first + 1]
+        opposite = np.full(len(self.ends), -1)
+        opposite[one], opposite[other] = other, one
+        return opposite
 
     @cached_property
     def open(self) -> Bool[np.ndarray, " edges"]:
         """Whether nothing runs against an edge: a hole, or a neighbour turned inside out."""
-        return ~np.isin(self._keys, self._reverse_keys)
+        _, forward, backward = self._counts
+        lonely = self._of_edges((forward == 0) | (backward == 0))
+        # An edge from a vertex to itself is its own reverse.
+        return lonely & (self.ends[:, 0] != self.ends[:, 1])
 
     @cached_property
     def crowded(self) -> Bool[np.ndarray, " edges"]:
         """Whether an edge, or its reverse, occurs more than once."""
-        unique, inverse, count = np.unique(self._keys, return_inverse=True, return_counts=True)
-        if not len(unique):
-            return np.zeros(0, dtype=bool)
-        again = unique[count > 1]
-        return (count[inverse.reshape(-1)] > 1) | np.isin(self._reverse_keys, again)
+        _, forward, backward = self._counts
+        return self._of_edges((forward > 1) | (backward > 1))
 
     @cached_property
     def fan_of_corner(self) -> Int[np.ndarray, " corners"]:
@@ -75,12 +75,31 @@ class Edges:
         return np.bincount(self.shell_of_face, weights=share)
 
     @cached_property
-    def _keys(self) -> np.ndarray:
-        return self.ends[:, 0] * len(self.surface.vertices) + self.ends[:, 1]
+    def _keys(self) -> Int[np.ndarray, " edges"]:
+        """A number for the two ends of each edge, whichever way it runs."""
+        return self.ends.min(axis=1) * len(self.surface.vertices) + self.ends.max(axis=1)
 
     @cached_property
-    def _reverse_keys(self) -> np.ndarray:
-        return self.ends[:, 1] * len(self.surface.vertices) + self.ends[:, 0]
+    def _order(self) -> Int[np.ndarray, " edges"]:
+        """The edges so that those between the same two vertices follow each other."""
+        return np.argsort(self._keys, kind="stable")
+
+    @cached_property
+    def _counts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Per pair of vertices: where it starts in the order, edges from the lower, and back."""
+        sorted_keys = self._keys[self._order]
+        starts = np.flatnonzero(np.diff(sorted_keys, prepend=-1))
+        if not len(starts):
+            return starts, starts, starts
+        rises = (self.ends[:, 0] <= self.ends[:, 1])[self._order]
+        forward = np.add.reduceat(rises.astype(np.int64), starts)
+        return starts, forward, np.diff(starts, append=len(rises)) - forward
+
+    def _of_edges(self, of_pairs: Bool[np.ndarray, " pairs"]) -> Bool[np.ndarray, " edges"]:
+        starts = self._counts[0]
+        of_edges = np.zeros(len(self._order), dtype=bool)
+        of_edges[self._order] = np.repeat(of_pairs, np.diff(starts, append=len(self._order)))
+        return of_edges
 
 
 def _next(edges: np.ndarray) -> np.ndarray:

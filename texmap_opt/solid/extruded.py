@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from texmap_opt.combine.boolean import outline_union, prism
+from texmap_opt.combine.boolean import closing, outline_union, prism
 from texmap_opt.solid.struts import round_ring, segments_within
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.structure.plane_axes import plane_axes
@@ -16,6 +16,7 @@ def extruded_solid(
     *,
     tolerance_mm: float,
     segments: int | None = None,
+    fillet_mm: float = 0.0,
 ) -> TriMesh:
     """Closed surface of the union of all walls, from the lower height to the upper one.
 
@@ -28,6 +29,8 @@ def extruded_solid(
         extrusion: of the structure.
         tolerance_mm: largest distance of a polygon from its circle, for the thickest wall.
         segments: sides of a joint; absent: as many as `tolerance_mm` asks for (8 to 24).
+        fillet_mm: radius of the fillets in the plane [mm]: what a disc of that radius rolled along
+            the outside of the walls does not reach is filled.
 
     Raises:
         SolidError: when the extrusion fails.
@@ -40,6 +43,8 @@ def extruded_solid(
     ring = round_ring(segments or segments_within(tolerance_mm, float(radius.max())))
     discs = joints[used, None] + radius[used, None, None] * ring
     outline = outline_union([*_rectangles(joints, structure), *discs])
+    if fillet_mm > 0:
+        outline = closing(outline, fillet_mm, segments=segments_within(tolerance_mm, fillet_mm))
     return prism(outline, axes, np.array([extrusion.low, extrusion.high]))
 
 

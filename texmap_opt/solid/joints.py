@@ -6,9 +6,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from texmap_opt.solid.struts import TURN
 from texmap_opt.solid.tri_mesh import TriMesh
 
+# Turn [rad] that keeps facets out of the coordinate planes: the golden section.
+TURN = (np.sqrt(5) - 1) / 2
 # Largest radius in which the ends of struts lie inside the joint by rounding and a little more:
 # rings that touch facets of the sphere would leave slivers.
 CLEARANCE = 1.001

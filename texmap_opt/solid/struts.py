@@ -1,13 +1,12 @@
-"""Struts as prisms or tapered lofts between the ends of their axes."""
+"""Sections of struts, the frames they are drawn in, and lofts between them."""
 
 import numpy as np
 from jaxtyping import Float
 
 from texmap_opt.solid.tri_mesh import TriMesh
 
-# Fraction of a turn by which the polygon of each next strut is turned: the golden section, so that
-# no two neighbours have parallel facets that would coincide, and no facet lies along an axis plane.
-TURN = (np.sqrt(5) - 1) / 2
+# Digits to which coordinates of a direction are compared.
+FRAME_DIGITS = 6
 MIN_SEGMENTS = 8
 MAX_SEGMENTS = 24
 
@@ -41,72 +40,45 @@ def round_ring(segments: int) -> Float[np.ndarray, "corners 2"]:
 
 
 def square_ring() -> Float[np.ndarray, "corners 2"]:
-    """Square of half side 1, counter-clockwise."""
-    return np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    """Square of half side 1 that stands on a corner, counter-clockwise from its right one."""
+    return np.sqrt(2) * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 
 def frames(
-    directions: Float[np.ndarray, "struts 3"], *, turned: bool
+    directions: Float[np.ndarray, "struts 3"],
 ) -> tuple[Float[np.ndarray, "struts 3"], Float[np.ndarray, "struts 3"]]:
     """Two unit vectors across each direction that make a right-handed frame with it.
 
     Args:
         directions: unit vectors.
-        turned: turn each next frame by `TURN` of a circle about its direction.
     """
-    # Crossing with the coordinate axis farthest from the direction is well conditioned everywhere.
-    farthest = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    # Crossing with the coordinate axis farthest from the direction is well conditioned everywhere;
+    # rounded, so that rounding does not choose between two axes that are equally far.
+    farthest = np.eye(3)[np.argmin(np.round(np.abs(directions), FRAME_DIGITS), axis=1)]
     u = np.cross(directions, farthest)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
-    v = np.cross(directions, u)
-    if not turned:
-        return u, v
-    angle = 2 * np.pi * ((TURN * np.arange(1, len(u) + 1)) % 1.0)[:, None]
-    return np.cos(angle) * u + np.sin(angle) * v, np.cos(angle) * v - np.sin(angle) * u
+    return u, np.cross(directions, u)
 
 
-def lofts(
-    start: Float[np.ndarray, "struts 3"],
-    end: Float[np.ndarray, "struts 3"],
-    radii: Float[np.ndarray, "struts 2"],
-    ring: Float[np.ndarray, "corners 2"],
-    *,
-    turned: bool,
-) -> list[TriMesh]:
-    """Closed loft of each strut between the scaled rings at its ends.
+def closed_loft(
+    first: Float[np.ndarray, "corners 3"], second: Float[np.ndarray, "corners 3"]
+) -> TriMesh:
+    """The prism, or frustum, between two rings.
 
     Args:
-        start: first end of each axis [mm].
-        end: second end [mm]; not the first.
-        radii: scale of the ring at both ends [mm].
-        ring: section of unit radius, counter-clockwise.
-        turned: see `frames`.
+        first: counter-clockwise seen from the second ring [mm].
+        second: counter-clockwise seen from the first [mm]; its corner -k lies before corner k.
     """
-    axis = end - start
-    direction = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    u, v = frames(direction, turned=turned)
-    spokes = ring[:, 0, None] * u[:, None] + ring[:, 1, None] * v[:, None]
-    rings = np.concatenate(
-        [
-            start[:, None] + radii[:, 0, None, None] * spokes,
-            end[:, None] + radii[:, 1, None, None] * spokes,
-        ],
-        axis=1,
-    )
-    faces = _loft_faces(len(ring))
-    return [TriMesh(vertices, faces) for vertices in rings]
-
-
-def _loft_faces(n: int) -> np.ndarray:
+    n = len(first)
     i = np.arange(n)
     j = (i + 1) % n
+    c, d = n + (-i) % n, n + (-j) % n
     fan = np.arange(1, n - 1)
     zero = np.zeros(n - 2, dtype=np.int64)
-    return np.concatenate(
-        [
-            np.column_stack([i, j, j + n]),
-            np.column_stack([i, j + n, i + n]),
-            np.column_stack([zero, fan + 1, fan]),
-            np.column_stack([zero + n, fan + n, fan + n + 1]),
-        ]
-    )
+    faces = [
+        np.column_stack([i, j, d]),
+        np.column_stack([i, d, c]),
+        np.column_stack([zero, fan + 1, fan]),
+        np.column_stack([zero + n, fan + n + 1, fan + n]),
+    ]
+    return TriMesh(np.concatenate([first, second]), np.concatenate(faces))

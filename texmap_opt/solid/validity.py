@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from texmap_opt.combine import boolean
 from texmap_opt.errors import SolidError
@@ -10,6 +11,8 @@ from texmap_opt.signed_distance import winding_number
 from texmap_opt.solid.edges import Edges
 from texmap_opt.solid.tri_mesh import TriMesh
 
+# Coordinates beyond this are no millimetres of anything, and their products overflow [mm].
+FARTHEST = 1e9
 # Share of the volume: far above rounding of the sums, far below a strut of a large lattice.
 OVERLAP_SHARE = 1e-6
 # Faces next to which the winding number is looked at, evenly through the list of faces.
@@ -89,40 +92,36 @@ def validity(surface: TriMesh, *, given: TriMesh | None = None) -> ValidityRepor
         return _hopeless(surface, "there are no triangles")
     if not np.isfinite(surface.vertices[used]).all():
         return _hopeless(surface, "a coordinate is not a finite number")
-    edges = Edges(surface)
-    n_open, crowded = int(edges.open.sum()), int(edges.crowded.sum())
-    repeated = (surface.faces == np.roll(surface.faces, 1, axis=1)).any(axis=1)
-    closed = not n_open and not crowded and not repeated.any()
-    pinched = int(edges.fan_of_corner.max()) + 1 - len(used) if closed else 0
-    volumes = edges.shell_volumes
-    overlap, twice = _overlaps(surface, edges, given) if closed and surface.volume > 0 else (0.0, 0)
-    euler = len(used) - len(edges.ends) // 2 + len(surface.faces)
+    if np.abs(surface.vertices[used]).max() > FARTHEST:
+        return _hopeless(surface, f"a coordinate is beyond {FARTHEST:g} mm")
+    joins = _joins(surface, len(used))
+    sound = joins.closed and surface.volume > 0
+    overlap, twice = _overlaps(surface, joins, given) if sound else (0.0, 0)
     faults = _faults(
         {
-            f"{n_open} edges lack a neighbour (a hole, or triangles turned over)": n_open,
-            f"{crowded} edges join more than two triangles": crowded,
-            f"{int(repeated.sum())} triangles name a vertex twice": repeated.any(),
-            f"{pinched} vertices join surfaces that only touch": pinched,
-            f"volume is {surface.volume:.6g} mm³: it is inside out": closed and surface.volume <= 0,
+            f"{joins.open} edges lack a neighbour (a hole, or triangles turned over)": joins.open,
+            f"{joins.crowded} edges join more than two triangles": joins.crowded,
+            f"{joins.repeated} triangles name a vertex twice": joins.repeated,
+            f"{joins.pinched} vertices join surfaces that only touch": joins.pinched,
+            f"volume is {surface.volume:.6g} mm³: it is inside out": joins.closed and not sound,
             f"shells overlap by {overlap:.3g} mm³": overlap > 0,
             f"it crosses itself: {twice} sampled points are enclosed twice or inside out": twice,
         }
     )
-    if closed and not faults and (refusal := boolean.fault(surface)):
+    if joins.closed and not faults and (refusal := boolean.fault(surface)):
         faults = [f"manifold3d refuses it: {refusal}"]
     return ValidityReport(
         triangles=len(surface.faces),
         vertices=len(used),
         volume_mm3=surface.volume,
         area_mm2=float(surface.face_areas.sum()),
-        open_edges=n_open,
-        crowded_edges=crowded,
-        pinched_vertices=pinched,
+        open_edges=joins.open,
+        crowded_edges=joins.crowded,
+        pinched_vertices=joins.pinched,
         degenerate_triangles=int((surface.face_areas == 0).sum()),
-        connected_components=int((volumes > 0).sum()),
-        closed_voids=int((volumes < 0).sum()),
-        # Each shell contributes 1 - (V - E + F)/2.
-        genus=len(volumes) - euler // 2 if closed else 0,
+        connected_components=int((joins.shell_volumes > 0).sum()),
+        closed_voids=int((joins.shell_volumes < 0).sum()),
+        genus=joins.genus,
         overlap_mm3=overlap,
         doubly_wound_samples=twice,
         faults=faults,
@@ -160,12 +159,48 @@ def _faults(conditions: dict[str, object]) -> list[str]:
     return [fault for fault, present in conditions.items() if present]
 
 
-def _overlaps(surface: TriMesh, edges: Edges, given: TriMesh | None) -> tuple[float, int]:
+@dataclass(frozen=True, eq=False)
+class _Joins:
+    """How the triangles are joined, without the edges themselves, which take most of the memory."""
+
+    open: int
+    crowded: int
+    repeated: int
+    pinched: int
+    genus: int
+    shell_of_face: Int[np.ndarray, " faces"]
+    shell_volumes: Float[np.ndarray, " shells"]
+
+    @property
+    def closed(self) -> bool:
+        """Whether every edge joins two triangles with three different corners each."""
+        return not self.open and not self.crowded and not self.repeated
+
+
+def _joins(surface: TriMesh, vertices: int) -> _Joins:
+    edges = Edges(surface)
+    n_open, crowded = int(edges.open.sum()), int(edges.crowded.sum())
+    repeated = int((surface.faces == np.roll(surface.faces, 1, axis=1)).any(axis=1).sum())
+    closed = not n_open and not crowded and not repeated
+    volumes = edges.shell_volumes
+    euler = vertices - len(edges.ends) // 2 + len(surface.faces)
+    return _Joins(
+        n_open,
+        crowded,
+        repeated,
+        int(edges.fan_of_corner.max()) + 1 - vertices if closed else 0,
+        # Each shell contributes 1 - (V - E + F)/2.
+        len(volumes) - euler // 2 if closed else 0,
+        edges.shell_of_face,
+        volumes,
+    )
+
+
+def _overlaps(surface: TriMesh, joins: _Joins, given: TriMesh | None) -> tuple[float, int]:
     """Volume enclosed by several positive shells [mm³], and sampled points wound about twice."""
-    positive = np.flatnonzero(edges.shell_volumes > 0)
     overlap = 0.0
-    if len(positive) > 1:
-        solids = [surface.select(edges.shell_of_face == number) for number in positive]
+    if (joins.shell_volumes > 0).sum() > 1:
+        solids = _solid_shells(surface, joins)
         overlap = boolean.overlap_volume(solids)
         if overlap <= OVERLAP_SHARE * sum(solid.volume for solid in solids):
             overlap = 0.0
@@ -203,3 +238,11 @@ def _winding_sum(surface: TriMesh, points: np.ndarray) -> np.ndarray:
         angle = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
         winding[k] = angle.sum() / (4 * np.pi)
     return winding
+
+
+def _solid_shells(surface: TriMesh, joins: _Joins) -> list[TriMesh]:
+    """The shells of positive volume, each as a surface of its own."""
+    order = np.argsort(joins.shell_of_face, kind="stable")
+    ends = np.cumsum(np.bincount(joins.shell_of_face))[:-1]
+    faces = np.split(order, ends)
+    return [surface.select(faces[k]) for k in np.flatnonzero(joins.shell_volumes > 0)]

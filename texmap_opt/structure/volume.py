@@ -2,16 +2,17 @@
 
 The sum of the struts' own volumes counts the inside of each joint once for every strut there. Seen
 from a joint, each half strut is star-shaped: in the direction omega, at an angle theta < 90 degrees
-to its axis, it reaches to rho = min(r/sin theta, h/cos theta) with h its length, and a volume is
-(1/3) of the integral of rho³ over the unit sphere. So what is counted too much at a joint is
+to its axis, it reaches to rho = min(r/(sin theta - m cos theta), h/cos theta) with h its length and
+m the growth of its radius along it, and a volume is (1/3) of the integral of rho³ over the unit
+sphere. So what is counted too much at a joint is
 
     overlap = (1/3) integral of [sum_i rho_i³ - max(R, max_i rho_i)³] d omega
 
 with R the radius of the joint's ball, its thickest strut; no ball at joints that the part's
 surface cuts. Where a strut meets no other, its own rho is the maximum and cancels, so the end at h
 leaves no trace. A strut is halved between its joints, unless one of them is a cut that no other
-strut shares: then all of it belongs to the other. Not seen: struts that cross without a joint,
-overlaps beyond the half, and taper within the joint (the radius at the joint counts).
+strut shares: then all of it belongs to the other. Not seen: struts that cross without a joint, and
+overlaps beyond the half.
 
 Walls of an extruded lattice overlap in their plane: seen from a joint each half wall reaches to the
 same rho, a plane area is (1/2) of the integral of rho² over the circle, the ball is a disc, and an
@@ -159,13 +160,16 @@ class LatticeVolume:
         self,
         joints: Float[ArrayLike, "joints 3"],
         radii: Float[ArrayLike, "struts 2"],
-    ) -> Float[Array, " struts"]:
-        """Each tapered strut's own volume between its joints' centres [mm³]; arguments as above."""
-        length = strut_lengths(jnp.asarray(joints), self.struts)
-        a, b = self.as_round(jnp.asarray(radii)).T
+    ) -> Float[ArrayLike, " struts"]:
+        """Each tapered strut's own volume between its joints' centres [mm³]; arguments as above.
+
+        Of NumPy's arrays it is one of these, of JAX's one of JAX.
+        """
+        length = strut_lengths(joints, self.struts)  # pyright: ignore[reportArgumentType]
+        a, b = self.as_round(radii).T
         if self.depth is None:
-            return jnp.pi / 3 * length * (a * a + a * b + b * b)
-        return jnp.asarray(self.depth) * length * (a + b)
+            return np.pi / 3 * length * (a * a + a * b + b * b)
+        return self.depth * length * (a + b)
 
     def overlap(
         self,
@@ -179,6 +183,28 @@ class LatticeVolume:
             (_overlap(ends, radii, m, quadrature, self.degree + 1) for m in self.meetings),
             start=jnp.zeros(()),
         )
+
+    def host_volume(
+        self,
+        joints: Float[np.ndarray, "joints 3"],
+        radii: Float[np.ndarray, "struts 2"],
+        *,
+        share: Float[np.ndarray, " struts"],
+    ) -> float:
+        """The same volume by NumPy [mm³]: quicker for a few joints, as nothing is compiled for them.
+
+        Args:
+            joints: positions [mm].
+            radii: radius, or half the side, at both ends [mm].
+            share: of each strut's own volume that counts.
+        """
+        radii_of_round = self.as_round(radii)
+        ends, quadrature = joints[self.struts], (self.directions, self.weights)
+        volume = float(share @ self.strut_volumes(joints, radii))
+        for meeting in self.meetings:
+            seen = _half_struts(ends, radii_of_round, meeting)
+            volume -= float(meeting.depth @ _joint_overlaps(seen, quadrature, self.degree + 1))
+        return volume
 
     @property
     def value_and_gradient(self) -> Callable:
@@ -288,6 +314,26 @@ def _meetings(
     return tuple(meetings)
 
 
+class _HalfStruts(NamedTuple):
+    """Half struts as their joints see them.
+
+    Attributes:
+        axis: unit vectors away from the joint.
+        radius: at the joint, of round struts, or half the thickness of walls [mm].
+        slope: growth of the radius along the axis.
+        height: how far each reaches [mm].
+        used: False where padded.
+        ball: radius of each joint's ball [mm]; 0 where it has none.
+    """
+
+    axis: Float[ArrayLike, "*joints slots 3"]
+    radius: Float[ArrayLike, "*joints slots"]
+    slope: Float[ArrayLike, "*joints slots"]
+    height: Float[ArrayLike, "*joints slots"]
+    used: Bool[ArrayLike, "*joints slots"]
+    ball: Float[ArrayLike, "*joints"]
+
+
 @eqx.filter_jit
 def _overlap(
     strut_ends: Float[Array, "struts 2 3"],
@@ -305,31 +351,58 @@ def _overlap(
         quadrature: directions and their weights.
         power: 3 in space, 2 in the plane of walls.
     """
-    directions, weights = quadrature
-    ends = strut_ends[meeting.strut]
-    here = meeting.end[:, :, None, None]
-    out = jnp.where(here[..., 0] == 0, ends[:, :, 1] - ends[:, :, 0], ends[:, :, 0] - ends[:, :, 1])
-    length = jnp.linalg.norm(out, axis=-1)
-    axis = out / length[..., None]
-    radius = radii[meeting.strut, meeting.end]
-    used = meeting.share > 0
-    height = jnp.where(used, meeting.share * length, 1.0)
-    mean = jnp.mean(radius, axis=1, keepdims=True, where=used)
-    share = jnp.where(used, BALL_SHARPNESS * radius / mean, -jnp.inf)
-    weight = jax.nn.softmax(share, axis=1)
-    ball = jnp.sum(weight * radius, axis=1) * meeting.ball
+    seen = _half_struts(strut_ends, radii, meeting)
 
     @jax.checkpoint
-    def at_joint(local: tuple[Array, ...]) -> Float[Array, ""]:
-        axis, radius, height, used, ball = local
-        cosine = axis @ directions.T  # slot, direction
-        sine = jnp.sqrt(jnp.maximum(1 - cosine**2, SMALLEST_SINE_SQUARED))
-        rho = 1 / jnp.maximum(sine / radius[:, None], cosine / height[:, None])
-        rho = jnp.where((cosine > 0) & used[:, None], rho, 0.0)
-        union = jnp.maximum(jnp.max(rho, axis=0), ball)
-        return jnp.sum((jnp.sum(rho**power, axis=0) - union**power) * weights) / power
+    def at_joint(of_one: _HalfStruts) -> Float[ArrayLike, ""]:
+        return _joint_overlaps(of_one, quadrature, power)
 
-    batch = max(1, IN_FLIGHT // (len(weights) * axis.shape[1]))
-    local = (axis, radius, height, used, ball)
-    each = jax.lax.map(at_joint, local, batch_size=min(batch, len(axis)))
-    return jnp.sum(meeting.depth * each)
+    joints, slots = seen.radius.shape
+    batch = max(1, IN_FLIGHT // (len(quadrature[1]) * slots))
+    return jnp.sum(meeting.depth * jax.lax.map(at_joint, seen, batch_size=min(batch, joints)))
+
+
+def _half_struts(
+    strut_ends: Float[ArrayLike, "struts 2 3"],
+    radii: Float[ArrayLike, "struts 2"],
+    meeting: Meeting,
+) -> _HalfStruts:
+    """What the joints of a meeting see, by NumPy or JAX as the radii are; arguments of `_overlap`."""
+    xp = radii.__array_namespace__()
+    ends = strut_ends[meeting.strut]
+    here = meeting.end[:, :, None]
+    out = xp.where(here == 0, ends[:, :, 1] - ends[:, :, 0], ends[:, :, 0] - ends[:, :, 1])
+    length = xp.linalg.norm(out, axis=-1)
+    radius = radii[meeting.strut, meeting.end]
+    slope = (radii[meeting.strut, 1 - meeting.end] - radius) / length
+    used = meeting.share > 0
+    mean = xp.mean(radius, axis=1, keepdims=True, where=used)
+    share = xp.where(used, BALL_SHARPNESS * radius / mean, -xp.inf)
+    # Over the largest: the exponentials do not overflow.
+    weight = xp.exp(share - xp.max(share, axis=1, keepdims=True))
+    ball = xp.sum(weight * radius, axis=1) / xp.sum(weight, axis=1)
+    return _HalfStruts(
+        axis=out / length[..., None],
+        radius=radius,
+        slope=slope,
+        height=xp.where(used, meeting.share * length, 1.0),
+        used=used,
+        ball=ball * meeting.ball,
+    )
+
+
+def _joint_overlaps(
+    seen: _HalfStruts,
+    quadrature: tuple[Float[ArrayLike, "quad 3"], Float[ArrayLike, " quad"]],
+    power: int,
+) -> Float[ArrayLike, "*joints"]:
+    """Overlap at one joint or at each of several [mm³], by NumPy or JAX as the radii are."""
+    xp = seen.radius.__array_namespace__()
+    directions, weights = quadrature
+    cosine = seen.axis @ directions.T  # slot, direction
+    sine = xp.sqrt(xp.maximum(1 - cosine**2, SMALLEST_SINE_SQUARED))
+    opening = sine - seen.slope[..., None] * cosine
+    rho = 1 / xp.maximum(opening / seen.radius[..., None], cosine / seen.height[..., None])
+    rho = xp.where((cosine > 0) & seen.used[..., None], rho, 0.0)
+    union = xp.maximum(xp.max(rho, axis=-2), seen.ball[..., None])
+    return ((xp.sum(rho**power, axis=-2) - union**power) @ weights) / power

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import hypothesis.strategies as st
+import jax
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,11 +12,12 @@ from texmap_opt.cache import StageCache
 from texmap_opt.cells import at_density
 from texmap_opt.cells.at_density import (
     all_homogenised_at,
+    homogenised,
     homogenised_at,
     radius_of_density,
 )
 from texmap_opt.cells.catalogue import unit_cell
-from texmap_opt.cells.homogenised import HomogenisedCell, slenderness
+from texmap_opt.cells.homogenised import HomogenisedCell, homogenised_cell, radius_ratio
 from texmap_opt.cells.homogenised_plane import HomogenisedPlaneCell
 from texmap_opt.cells.periodic_density import periodic_density
 from texmap_opt.errors import CellError
@@ -39,7 +41,7 @@ def test_the_radius_grows_with_the_density():
     cell = unit_cell("octet")
     radii = [radius_of_density(cell, rho) for rho in (0.05, 0.1, 0.2, 0.4)]
     assert np.all(np.diff(radii) > 0)
-    assert slenderness(cell, radii[0]) == pytest.approx(radii[0] * np.sqrt(2), rel=1e-12)
+    assert radius_ratio(cell, radii[0]) == pytest.approx(radii[0] * np.sqrt(2), rel=1e-12)
 
 
 def test_a_density_at_which_struts_are_as_thick_as_long_is_out_of_reach():
@@ -96,6 +98,32 @@ def test_only_what_is_missing_is_told_to_be_computed(tmp_path: Path):
     failure = results["tetrakaidecahedron"]
     assert isinstance(failure, CellError)
     assert "out of reach" in str(failure)
+
+
+def test_a_density_out_of_reach_is_found_out_once(tmp_path: Path, monkeypatch):
+    cell, cache = unit_cell("kelvin"), StageCache(tmp_path)
+    with pytest.raises(CellError, match="out of reach") as first:
+        homogenised_at(cell, 0.9, cache=cache)
+    monkeypatch.setattr(at_density, "radius_of_density", not_again)
+    told: list[int] = []
+    again = all_homogenised_at([cell], 0.9, cache=cache, computing=told.append)
+    assert str(again[cell.name]) == str(first.value)
+    assert not told
+    with pytest.raises(AssertionError):  # nothing is kept where nothing can be
+        homogenised_at(cell, 0.9, cache=NOTHING_KEPT)
+
+
+def test_a_further_cell_compiles_nothing(caplog: pytest.LogCaptureFixture):
+    """So the whole library takes seconds: JAX would spend one on each cell."""
+    radius = radius_of_density(unit_cell("bcc"), 0.1)
+    homogenised(unit_cell("diamond"), radius)
+    with jax.log_compiles():
+        found = homogenised_at(unit_cell("dodecahedron"), 0.1, cache=NOTHING_KEPT)
+        assert "Compiling" not in caplog.text
+        # Negative control: another material is a constant of the compiled code.
+        homogenised_cell(unit_cell("diamond"), radius=radius, nu=0.123)
+    assert "Compiling" in caplog.text
+    assert found.density == pytest.approx(0.1, rel=3e-9)
 
 
 def not_again(*_: object) -> float:

@@ -26,7 +26,7 @@ from texmap_opt.cells.joint_calibration import (
     frame_moduli,
     solid_cell,
 )
-from texmap_opt.cells.joint_model import JointModel, slenderness
+from texmap_opt.cells.joint_model import JointModel, radius_ratio
 from texmap_opt.cells.periodic_density import periodic_density
 from texmap_opt.cells.periodic_frame import periodic_frame
 from texmap_opt.cells.unit_cell_xml import read_unit_cell
@@ -34,7 +34,7 @@ from texmap_opt.errors import CellError, LatticeError
 
 ROOT = Path(__file__).parents[3]
 CELLS = ("octet", "bcc", "cube", "tetrakaidecahedron")
-MODEL = JointModel(rigid_end=1.5, modulus=-2.0, slenderness=0.1, error=0.05)
+MODEL = JointModel(rigid_end=1.5, modulus=-2.0, radius_ratio=0.1, error=0.05)
 
 
 def study():
@@ -198,7 +198,7 @@ def test_stiffness_with_the_joint_model_has_a_second_order_taylor_remainder():
 
 def test_struts_thicker_than_the_fit_are_refused_by_name():
     radii, lengths = np.full((3, 2), 0.1), np.array([1.0, 1.0, 0.8])
-    np.testing.assert_allclose(slenderness(radii, lengths), [0.1, 0.1, 0.125])
+    np.testing.assert_allclose(radius_ratio(radii, lengths), [0.1, 0.1, 0.125])
     MODEL.check(radii[:2], lengths[:2])
     with pytest.raises(LatticeError, match=r"1 of 3 struts.*strut 2 has radius/length = 0.125"):
         MODEL.check(radii, lengths)
@@ -229,14 +229,14 @@ BARS = """<?xml version="1.0" encoding="UTF-8"?>
   </struts>
 {joint_model}</unit_cell>
 """
-GOOD = '  <joint_model rigid_end="1.5" modulus="-2" slenderness="0.1" error="0.05"/>\n'
+GOOD = '  <joint_model rigid_end="1.5" modulus="-2" radius_ratio="0.1" error="0.05"/>\n'
 
 # What is replaced, by what, words of the message, and whether the schema sees it too.
 MISTAKES = {
     "negative length": ('"1.5"', '"-1.5"', "rigid_end is -1.5; it must not be negative", True),
     "a word": ('"-2"', '"soft"', 'modulus is "soft"; it must be a number', True),
     "missing": (' error="0.05"', "", 'lacks its attribute "error"', True),
-    "misspelt": ("slenderness=", "slendernes=", 'did you mean "slenderness"', True),
+    "misspelt": ("radius_ratio=", "radius_rato=", 'did you mean "radius_ratio"', True),
     "rigid throughout": ('"0.1"', '"0.34"', "rigid from end to end", False),
     "no modulus": ('"-2"', '"-11"', "would not be positive", False),
     "twice": (GOOD, GOOD + GOOD, "a second <joint_model>", True),

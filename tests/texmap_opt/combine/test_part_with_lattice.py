@@ -35,7 +35,7 @@ def grid_lattice(radius: float = 0.6) -> TriMesh:
     structure = Structure(
         joints, struts, np.full((count, 2), radius), np.zeros(len(joints), bool), np.ones(count)
     )
-    return lattice_solid(structure, tolerance_mm=TOLERANCE)
+    return lattice_solid(structure, tolerance_mm=TOLERANCE).surface
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +63,41 @@ def test_the_outer_surface_stays_the_designers(lattice):
     assert distance.max() <= 1e-12
     corners = {tuple(v) for v in result.vertices}
     assert all(tuple(v) in corners for v in PART.vertices)
+
+
+RING = surface(trimesh.creation.torus(8, 4, major_sections=32, minor_sections=16))
+
+
+def triangles(mesh: TriMesh) -> set[frozenset[tuple[float, ...]]]:
+    corners = mesh.vertices[mesh.faces]
+    return {frozenset(map(tuple, triangle)) for triangle in corners.tolist()}
+
+
+@pytest.mark.parametrize("combine", [rod_result, plate_result])
+@pytest.mark.parametrize("part", [PART, RING])
+def test_the_outer_triangles_are_the_designers_own(lattice, part, combine):
+    """As sets of corners, bit for bit; the lattice stands out of the parts all round."""
+    result = combine(part, lattice, skin_mm=1.0, tolerance_mm=TOLERANCE).surface
+    centroids = result.vertices[result.faces].mean(axis=1)
+    # The inner wall lies 1 mm deeper.
+    outer = result.select(signed_distance(part, centroids)[0] > -0.5)
+    assert triangles(outer) == triangles(part)
+    assert len(outer.faces) == len(part.faces)
+
+
+def test_pieces_and_genus_do_not_change_when_the_tolerance_is_halved(lattice):
+    """A ring with a skin around a grid of rods, by one boolean and as shell plus clipped lattice."""
+    found = set()
+    for tolerance in (TOLERANCE, TOLERANCE / 2):
+        result = rod_result(RING, lattice, skin_mm=1.0, tolerance_mm=tolerance)
+        inner = result.skin.offset.surface
+        shell = boolean.difference(RING, inner)
+        exact = boolean.union([shell, boolean.intersection(lattice, RING)])
+        np.testing.assert_allclose(result.surface.volume, exact.volume, rtol=1e-9)
+        for solid in (result.surface, printable_mesh(exact)[0], printable_mesh(result.surface)[0]):
+            report = validity(solid)
+            found.add((report.connected_components, report.closed_voids, report.genus))
+    assert len(found) == 1, found
 
 
 def test_rods_and_plate_without_skin_make_up_the_part(lattice):

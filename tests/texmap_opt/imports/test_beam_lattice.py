@@ -9,13 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from texmap_opt.errors import StructureError
-from texmap_opt.export.beam_lattice import BALLS, BEAMS, write_beam_lattice
+from texmap_opt.export.beam_lattice import BEAMS, write_beam_lattice
 from texmap_opt.export.three_mf_package import CORE, write_package
 from texmap_opt.imports import beam_lattice
 from texmap_opt.imports.beam_lattice import read_beam_lattice
 from texmap_opt.imports.imported import Imported
 from texmap_opt.structure.structure import Structure
 
+# Of the extension's version 1.2; our own files have none.
+BALLS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/balls/2020/07"
 # Vertices and radii are written in nine digits.
 SAME = 1e-8
 
@@ -82,6 +84,38 @@ def test_what_is_read_is_what_was_written(tmp_path: Path):
     np.testing.assert_allclose(again.radii, radii, rtol=SAME)
 
 
+def test_components_go_where_the_assembly_in_the_build_puts_them(tmp_path: Path):
+    """Core specification, section 4.2: row vectors, the component's transform before the item's."""
+    shifted, turned = "1 0 0 0 1 0 0 0 1 3 0 0", "0 1 0 -1 0 0 0 0 1 0 0 0"
+    assembly = f'''<components><component objectid="7" transform="{shifted}"/>
+<component objectid="7" transform="{turned}"/></components>'''
+    model = MODEL.replace("<mesh><vertices/></mesh>", assembly).replace(
+        '<item objectid="9"/><item objectid="7"', '<item objectid="9"'
+    )
+    found = read(tmp_path / "l.3mf", model)
+    outline = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    moved = [outline + np.array([3, 0, 0]), outline @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]]
+    # The item's: turned by 90 degrees about z, doubled, five along x.
+    wanted = [places @ [[0, 2, 0], [-2, 0, 0], [0, 0, 2]] + [5, 0, 0] for places in moved]
+    found_ends = np.sort(found.structure.joints[found.structure.struts].reshape(-1, 3), axis=0)
+    ends = [places[[k, k + 1]] for places in wanted for k in range(3)]
+    np.testing.assert_allclose(found_ends, 25.4 * np.sort(np.concatenate(ends), axis=0), atol=1e-12)
+    # What there is to say of an object is said once.
+    assert len(found.notes) == len(set(found.notes)) == 4
+
+
+def test_assemblies_of_assemblies_cannot_ask_for_billions(tmp_path: Path):
+    """Thirty lines that would place 2^30 lattices."""
+    twice = "".join(
+        f'<object id="{k + 1}"><components><component objectid="{k}"/><component objectid="{k}"/>'
+        "</components></object>"
+        for k in range(10, 40)
+    )
+    model = MODEL.replace('id="7"', 'id="10"').replace("</resources>", f"{twice}</resources>")
+    with pytest.raises(StructureError, match=r"assemblies place more than 10,000 objects"):
+        read(tmp_path / "l.3mf", model.replace('<item objectid="10"', '<item objectid="40"'))
+
+
 MISTAKES = {
     "unit": ('unit="inch"', 'unit="inches"', 'line 2: unit is "inches"; did you mean "inch"'),
     "document type": ("<model ", "<!DOCTYPE model [<!ENTITY a 'b'>]><model ", "document type"),
@@ -103,7 +137,17 @@ MISTAKES = {
     "stretch": ("0 2 0 -2 0 0 0 0 2", "0 2 0 -2 0 0 0 0 3", "stretches or shears"),
     "shear": ("0 2 0 -2 0 0 0 0 2", "2 0 0 1 1.7320508 0 0 0 2", "stretches or shears"),
     "transform": ("0 2 0 -2 0 0 0 0 2", "1", "it needs 12 finite numbers"),
-    "assembly": ("<mesh><vertices/></mesh>", "<components/>", "object 9 is an assembly"),
+    "component": (
+        "<mesh><vertices/></mesh>",
+        '<components><component objectid="8"/></components>',
+        "line 18: component names object 8, which does not stand before it",
+    ),
+    "assembly of itself": (
+        "<mesh><vertices/></mesh>",
+        '<components><component objectid="9"/></components>',
+        "component names object 9, which does not stand before it",
+    ),
+    "component outside": ("<build>", '<component objectid="7"/><build>', "is outside of an object"),
     "beam outside": ("<build>", "<b:beam/><build>", "<beam> is outside of an object"),
     "nothing": ('<item objectid="7"', '<item objectid="9"', "builds no beam lattice"),
 }

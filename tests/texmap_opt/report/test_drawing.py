@@ -10,6 +10,7 @@ import pytest
 from texmap_opt.errors import OutputError
 from texmap_opt.report import drawing
 from texmap_opt.report.drawing import Drawn, draw, draw_cell
+from texmap_opt.report.overlay import KIND_COLOURS
 from texmap_opt.report.scenes import (
     Action,
     CutOpen,
@@ -76,6 +77,13 @@ def all_scenes() -> dict[str, Scene]:
             quantity="achieved over\nwanted size",
             middle=1.0,
         ),
+        "kinds": WarpedGrid(
+            nodes,
+            np.broadcast_to((np.arange(8.0) // 4)[:, None, None], sizes.shape),
+            np.ones(sizes.shape, bool),
+            part,
+            names=("octet", "kelvin"),
+        ),
         "radius": Struts(joints, ends, radii, radii, "strut radius", "mm"),
         "utilisation": Struts(joints, ends, radii, use, "utilisation", "", 1.0),
         "cut": CutOpen(shell),
@@ -114,6 +122,26 @@ def test_every_scene_becomes_a_picture_that_shows_something(drawn):
         # A long part in a 4:3 frame covers at least a tenth of it.
         assert 0.1 < shown.mean() < 0.95, name
         assert image[shown].std() > 5, name
+
+
+def test_kinds_of_cells_have_the_colours_of_the_legend(drawn):
+    """Each on its half of the part, as a spot beside its name, and no colour bar."""
+    image = pixels(drawn.pictures["kinds"])
+    spots = [tuple(bytes.fromhex(colour[1:])) for colour in KIND_COLOURS[:2]]
+    for row, spot in enumerate(spots):
+        places = np.argwhere(close_to(image, spot)) / image.shape[:2]
+        legend = places[(places[:, 1] < 0.05) & (places[:, 0] < 0.12)]
+        np.testing.assert_allclose(legend.mean(axis=0), [0.042 + 0.036 * row, 0.032], atol=0.01)
+    # Under the veil of the part: bluer here, redder there.
+    body = image[100:].reshape(-1, 3)
+    hue = body[:, 2] - body[:, 0]
+    assert (hue > 40).mean() > 0.05
+    assert (hue < -40).mean() > 0.05
+    # Negative control: a grid of sizes has a bar on the right and no such spots.
+    sizes = pixels(drawn.pictures["grid"])
+    assert close_to(image[200:700, 1150:], (255, 255, 255)).all()
+    assert not close_to(sizes[200:700, 1065:], (255, 255, 255)).all()
+    assert close_to(sizes[:90, :60], (255, 255, 255)).all()
 
 
 def test_the_part_fills_the_width_of_the_frame(drawn):

@@ -12,6 +12,7 @@ from texmap_opt.box import Box
 from texmap_opt.report.grid_layers import grid_layers
 from texmap_opt.report.page import write_page
 from texmap_opt.report.plots import MOST_POLYGONS, PlotData
+from texmap_opt.report.tables import DASH, THIN_SPACE
 from texmap_opt.solid.tri_mesh import TriMesh
 from texmap_opt.warp.grid import Grid
 
@@ -69,6 +70,20 @@ REPORT = {
         "relative_density": 0.2236,
         "connected_components": 1,
         "closed_voids": 1,
+    },
+    "printability": {
+        "closed_voids": {"count": 2, "total_mm3": 4321.0, "largest": []},
+        "walls": {"smallest_mm": 0.41, "percentile_5_mm": 0.62, "median_mm": 1.0},
+        "gaps": {"smallest_mm": None, "percentile_5_mm": None, "median_mm": None},
+        "overhang": {
+            "build_direction": [0.0, 0.0, 1.0],
+            "limit_deg": 45.0,
+            "share": 0.121,
+            "best_direction": [0.0, 0.6, 0.8],
+            "best_share": 0.07,
+        },
+        "struts": {"count": 812, "length_mm": 2031.0, "share": 0.25},
+        "after_stl": {"same": True},
     },
     "warnings": ["3.2 < 4 cells across"],
     "notes": ["no skin in the frame"],
@@ -300,3 +315,15 @@ def test_the_same_numbers_give_the_same_page(tmp_path):
     assert written(tmp_path, REPORT, plots=plot_data()) == written(
         tmp_path, REPORT, plots=plot_data()
     )
+
+
+def test_printability_is_told_in_words(tmp_path):
+    html = written(tmp_path, REPORT)
+    for words in (
+        "4 321 mm³ in 2 closed voids",
+        "0.41, 0.62, 1 mm",
+        "12.1 % below 45° along (0, 0, 1); 7 % along (0, 0.6, 0.8)",
+        "812, 25 % of their length",
+    ):
+        assert words.replace("4 321", f"4{THIN_SPACE}321") in html
+    assert f"<th>gaps: smallest, 5 %, median</th><td>{DASH}</td>" in html
