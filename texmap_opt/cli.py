@@ -262,8 +262,9 @@ def _combine(options: argparse.Namespace) -> int:
     from texmap_opt.case_openings import drain_from_text, opening_from_text
     from texmap_opt.combine.part_with_lattice import plate_result, rod_result
     from texmap_opt.export.solid_file import Solid, check_ending
-    from texmap_opt.part import read_surface
+    from texmap_opt.part import read_solid, read_surface
     from texmap_opt.solid.float32_solid import printable_mesh
+    from texmap_opt.solid.validity import require_printable
 
     tolerance = _positive(options.tolerance, "--tolerance")
     if not options.skin >= 0:
@@ -276,12 +277,13 @@ def _combine(options: argparse.Namespace) -> int:
         "drains": [drain_from_text(text) for text in options.drain],
     }
     part = read_surface(options.part, unit=options.unit)
-    lattice = read_surface(options.lattice, unit="mm")
+    lattice = read_solid(options.lattice, unit="mm")
     join = rod_result if options.kind == "rod" else plate_result
-    combined = join(part.surface, lattice.surface, **skin)
+    combined = join(part.surface, lattice, **skin)
     for note in combined.notes():
         print(f"texmap: {note}", file=sys.stderr)
     surface, _ = printable_mesh(combined.surface)
+    require_printable(surface, "The result", given=part.surface)
     Solid(surface).save(options.output)
     print(f"{options.output}: {len(surface.faces):,} triangles, {surface.volume:,.1f} mm³")
     return 0
@@ -292,7 +294,7 @@ def _split(options: argparse.Namespace) -> int:
     from texmap_opt.export.metadata import Metadata
     from texmap_opt.export.solid_file import Solid, check_ending
     from texmap_opt.export.three_mf import write_objects
-    from texmap_opt.part import read_surface
+    from texmap_opt.part import read_solid
     from texmap_opt.solid.float32_solid import printable_mesh
 
     files = options.output
@@ -302,7 +304,7 @@ def _split(options: argparse.Namespace) -> int:
     for file in files:
         check_ending(file)
     given = None if options.plane is None else plane_from_text(options.plane)
-    surface = read_surface(options.file, unit=options.unit).surface
+    surface = read_solid(options.file, unit=options.unit)
     pieces = [
         printable_mesh(piece)[0] for piece in halves(surface, *given or middle_plane(surface))
     ]

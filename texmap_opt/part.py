@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from texmap_opt.builtin_part import builtin_part
 from texmap_opt.case_sections import PartSection
+from texmap_opt.combine import boolean
 from texmap_opt.errors import PartError
 from texmap_opt.part_file import read_part_file
 from texmap_opt.repair import repaired
@@ -116,6 +117,27 @@ def read_surface(path: str | Path, *, unit: str = "mm", solid: int | None = None
         )
     notes += _doubts_about_unit(result.surface, unit)
     return Part(result.surface, path.name, tuple(notes), unit)
+
+
+def read_solid(path: str | Path, *, unit: str = "mm") -> TriMesh:
+    """The surface of a finished solid, such as a lattice, in mm.
+
+    One that is a closed manifold is taken as it is; the search for crossings of `read_surface`,
+    minutes for millions of triangles, is left to who looks at the result. Any other is repaired.
+
+    Args:
+        path: an STL, OBJ, PLY or 3MF file.
+        unit: of its coordinates: mm, cm, m or in.
+
+    Raises:
+        PartError: as `read_surface`.
+    """
+    if unit in MM_PER_UNIT:
+        file = read_part_file(Path(path))
+        surface = TriMesh(file.surface.vertices * MM_PER_UNIT[unit], file.surface.faces)
+        if not boolean.fault(surface) and surface.volume > 0:
+            return surface
+    return read_surface(path, unit=unit).surface
 
 
 def _doubts_about_unit(surface: TriMesh, unit: str) -> list[str]:

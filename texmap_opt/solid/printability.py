@@ -33,7 +33,7 @@ LIMIT_SLACK = 1e-3
 # where much of the area is: where struts meet a skin, slivers that nobody misses are thinner.
 LEAST_WALL_MM = 0.1
 # Share of the surface above which a better build direction is told of, and what it must save.
-NOTABLE_SHARE = 0.05
+NOTABLE_SHARE = 0.2
 NOTABLE_SAVING = 0.25
 
 
@@ -175,8 +175,9 @@ def _warnings(
     if voids.count:
         where = ", ".join(f"{c:.4g}" for c in voids.largest[0].inside_mm)
         told.append(
-            f"{voids.total_mm3:.4g} mm³ of powder or resin are trapped in {voids.count} closed "
-            f"voids, the largest at ({where}) mm: leave regions of the skin open, or add drain holes"
+            f"{_rounded(voids.total_mm3)} mm³ of powder or resin are trapped in {voids.count} closed "
+            f"void{'s, the largest' if voids.count > 1 else ''} at ({where}) mm: leave regions of the "
+            "skin open, or add drain holes"
         )
     thin = walls.percentile_5_mm
     if limits.wall_mm is None and thin is not None and thin < LEAST_WALL_MM:
@@ -210,3 +211,8 @@ def _most(found: FacingWalls) -> str:
 
 def _place(found: FacingWalls) -> str:
     return f"({', '.join(f'{c:.4g}' for c in found.smallest_at_mm or [])}) mm"
+
+
+def _rounded(volume: float) -> str:
+    """A volume for readers: whole numbers from a hundred on."""
+    return f"{volume:,.0f}" if volume >= 100 else f"{volume:.3g}"
