@@ -17,6 +17,8 @@ from texmap_opt.solid.joint_shape import JointShapes
 PLACES = (1 / 3, 0.5, 2 / 3)
 # Most times an edge is halved. A strut that leaves its neighbour at 5 degrees takes six.
 MAX_ROUNDS = 16
+# Faces of a joint at which its division stops; usual are a few hundred, with fine fillets thousands.
+MOST_FACES = 50_000
 # Rounds in which edges are divided without regard to the shape of faces: a fifth fewer triangles than
 # with it from the start; without it at the end some would never settle.
 FREE_ROUNDS = 3
@@ -79,6 +81,10 @@ def refined(
     known, settled, left, limits = 0, [], 0.0, _Limits(sides, tolerance)
     for number in range(MAX_ROUNDS):
         edges, place, left = _to_divide(patches, shapes, limits, known, fat=number >= FREE_ROUNDS)
+        # A joint that would be divided without end keeps the distance it has.
+        faces = np.bincount(patches.joint[patches.faces[:, 0]], minlength=len(tolerance))
+        bounded = faces[patches.joint[edges[:, 0]]] < MOST_FACES
+        edges, place = edges[bounded], place[bounded]
         if not len(edges):
             break
         # Joints of which no edge is divided are finished.
